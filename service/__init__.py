@@ -1,0 +1,1 @@
+"""The casedrain service: ingest, storage, monitoring, HTTP API, pages and command line."""
