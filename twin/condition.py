@@ -60,6 +60,7 @@ OUTPUTS: tuple[str, ...] = (
     "slipper_leakage_lpm",
     "port_plate_leakage_lpm",
     "compensator_leakage_lpm",
+    "suction_flow_lpm",
 )
 """Order of the columns that the solver answers with."""
 

@@ -14,3 +14,39 @@ RAD_PER_DEG = math.pi / 180.0
 KELVIN_AT_0_DEGC = 273.15
 M2_PER_S_PER_CST = 1.0e-6
 STANDARD_ATMOSPHERE_BAR = 1.01325
+
+SI_PER_UNIT: dict[str, float] = {
+    "-": 1.0,
+    "m": 1.0,
+    "mm": 1.0e-3,
+    "um": 1.0e-6,
+    "mm2": 1.0e-6,
+    "cm3": 1.0e-6,
+    "L": 1.0e-3,
+    "bar": PA_PER_BAR,
+    "MPa": 1.0e6,
+    "Pa": 1.0,
+    "rad": 1.0,
+    "deg": RAD_PER_DEG,
+    "kg m2": 1.0,
+    "g": 1.0e-3,
+    "N": 1.0,
+    "N/m": 1.0,
+    "N/mm": 1.0e3,
+    "N m": 1.0,
+    "N m s": 1.0,
+    "N s/m": 1.0,
+    "K": 1.0,
+    "kg/m3": 1.0,
+    "kg/(m3 K)": 1.0,
+    "Pa/K": 1.0,
+    "1/Pa": 1.0,
+    "1/K": 1.0,
+    "J/(kg K)": 1.0,
+    "bar/(L/min)": PA_PER_BAR / M3_PER_S_PER_LPM,
+    "bar/(L/min)^2": PA_PER_BAR / M3_PER_S_PER_LPM**2,
+    "L/min": M3_PER_S_PER_LPM,
+    "L/min/bar": M3_PER_S_PER_LPM / PA_PER_BAR,
+    "rpm": RAD_PER_S_PER_RPM,
+}
+"""Factors of the units in which parameter sets are written; temperatures there are in K."""

@@ -1,0 +1,35 @@
+"""Resistances of the circuit: load, drain line, shared return line (section 3.3.1, equations 3-2 to 3-10)."""
+
+import math
+
+from twin.compiled import compiled
+
+
+@compiled
+def load_flow(P_d: float, P_i: float, k_d: float) -> float:
+    """Flow through the load of coefficient k_d [Pa/(m3/s)^2] (3-2, mended: the root spans the pressure too)."""
+    flow = math.sqrt(abs(P_d - P_i) / k_d)
+    return flow if P_d >= P_i else -flow
+
+
+@compiled
+def drain_pressure_drop(Q: float, k_c: float, w_nu: float, w_Q: float, nu_ratio: float, Q_ref: float) -> float:
+    """Pressure drop of the drain line at flow Q [Pa]: ``k_c Q (w_nu nu/nu_50 + w_Q |Q|/Q_ref + 1 - w_nu - w_Q)``.
+
+    The weights say how much of the resistance is laminar pipe (goes with viscosity) and how much is fittings
+    (goes with flow); both 0 is equation 3-3, ``w_nu + w_Q = 1`` is the law ``a nu Q + b Q^2``.
+    """
+    return k_c * Q * (w_nu * nu_ratio + w_Q * abs(Q) / Q_ref + 1.0 - w_nu - w_Q)
+
+
+@compiled
+def return_pressure_drop(Q: float, k_inf: float, K: float, gamma: float) -> float:
+    """Pressure drop of the shared return line [Pa] (3-4), odd in Q, with its limit ``k_inf K Q`` at zero flow.
+
+    ``k_inf`` in Pa/(m3/s)^(1+gamma), ``K`` in (m3/s)^gamma.
+    """
+    magnitude = abs(Q)
+    ratio = math.pow(magnitude, gamma) / K
+    # ratio / tanh(ratio) -> 1 + ratio^2 / 3
+    quotient = 1.0 + ratio * ratio / 3.0 if ratio < 1.0e-4 else ratio / math.tanh(ratio)
+    return k_inf * K * Q * quotient

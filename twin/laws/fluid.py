@@ -1,0 +1,70 @@
+"""Properties of a hydraulic fluid as functions of temperature [K] and absolute pressure [Pa]."""
+
+import math
+from typing import NamedTuple
+
+from twin.compiled import compiled
+
+P_ATMOSPHERE = 101_325.0
+
+
+class Fluid(NamedTuple):
+    """Constants of one fluid, SI; see ``twin.fluids`` for the sets with units, sources and uncertainty."""
+
+    astm_a: float
+    astm_b: float
+    rho_ref: float
+    rho_slope: float
+    T_ref: float
+    B_ref: float
+    B_slope: float
+    B_pressure_gain: float
+    alpha_p: float
+    c_p: float
+
+
+@compiled
+def kinematic_viscosity(fluid: Fluid, T: float) -> float:
+    """Kinematic viscosity at ambient pressure by ASTM D341 [m2/s].
+
+    ``nu[cSt] = 10**(10**(A - B log10 T)) - 0.7`` with T in K; validated for the sets' stated range only.
+    """
+    return (math.pow(10.0, math.pow(10.0, fluid.astm_a - fluid.astm_b * math.log10(T))) - 0.7) * 1.0e-6
+
+
+@compiled
+def bulk_modulus(fluid: Fluid, T: float, P: float) -> float:
+    """Isothermal tangent bulk modulus of the air-free fluid [Pa], linear in temperature and pressure."""
+    return fluid.B_ref + fluid.B_slope * (T - fluid.T_ref) + fluid.B_pressure_gain * (P - P_ATMOSPHERE)
+
+
+@compiled
+def density(fluid: Fluid, T: float, P: float) -> float:
+    """Density [kg/m3]: linear in temperature at ambient pressure, compressed with the tangent modulus there."""
+    rho_0 = fluid.rho_ref + fluid.rho_slope * (T - fluid.T_ref)
+    return rho_0 * (1.0 + (P - P_ATMOSPHERE) / bulk_modulus(fluid, T, P))
+
+
+@compiled
+def dynamic_viscosity(fluid: Fluid, T: float, P: float) -> float:
+    """Dynamic viscosity [Pa s]: ambient value times Barus' exp(alpha (P - P_atm))."""
+    rho_0 = fluid.rho_ref + fluid.rho_slope * (T - fluid.T_ref)
+    return rho_0 * kinematic_viscosity(fluid, T) * math.exp(fluid.alpha_p * (P - P_ATMOSPHERE))
+
+
+@compiled
+def throttling_heating(fluid: Fluid, T: float, P_0: float, P_1: float) -> float:
+    """Temperature rise of fluid throttled from P_0 to P_1 without heat loss or work [K]: dP / (rho c_p)."""
+    rho_0 = fluid.rho_ref + fluid.rho_slope * (T - fluid.T_ref)
+    return (P_0 - P_1) / (rho_0 * fluid.c_p)
+
+
+@compiled
+def gap_viscosity(fluid: Fluid, T: float, P_0: float, P_1: float) -> float:
+    """Effective dynamic viscosity in a gap from P_0 to P_1 fed at temperature T [Pa s].
+
+    Taken at the mean pressure and at the feed temperature plus half of the throttling heating: pressure and
+    temperature both fall off linearly along a laminar gap, so their middle stands for the whole.
+    """
+    T_mean = T + 0.5 * throttling_heating(fluid, T, max(P_0, P_1), min(P_0, P_1))
+    return dynamic_viscosity(fluid, T_mean, 0.5 * (P_0 + P_1))

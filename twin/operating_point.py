@@ -1,0 +1,118 @@
+"""Operating point: the cycle-averaged steady state of pump plus circuit, for one or for many conditions.
+
+Validated against the acceptance sheet of one real pump (Mkadara 2020, annex A-4) at zero and at full flow and
+against the bench of table 3-4 at 50 degC; elsewhere it rests on the laws of sections 2.4 and 3.3.1.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.condition import INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
+from twin.parameters import Circuit, Pump
+from twin.steady_solver import DEMAND_TOO_HIGH, NOT_CONVERGED, NOT_FINITE, OUT_OF_RANGE, solve_batch
+
+RANGES: dict[str, tuple[float, float]] = {
+    "speed_rpm": (200.0, 8000.0),
+    "fluid_temperature_degc": (-20.0, 140.0),
+    "discharge_flow_lpm": (0.0, 100.0),
+    "ambient_pressure_bar": (0.0, 1.5),
+    "pump_leakage_scale": (0.01, 100.0),
+    "slipper_leakage_scale": (0.01, 100.0),
+    "piston_leakage_scale": (0.01, 100.0),
+    "port_plate_leakage_scale": (0.01, 100.0),
+    "control_bleed_lpm": (0.0, 20.0),
+    "system_leakage_lpm": (0.0, 50.0),
+    "pressure_setting_change_bar": (-100.0, 100.0),
+    "drain_resistance_scale": (0.01, 100.0),
+    "drain_viscosity_weight_change": (-2.0, 2.0),
+    "drain_flow_weight_change": (-2.0, 2.0),
+    "droop_scale": (0.0, 10.0),
+}
+"""Inputs the solver takes; besides, the absolute reservoir pressure must lie between 0.1 and 20 bar."""
+
+PROBLEMS: dict[int, str] = {
+    NOT_FINITE: "an input is not a number: give every condition and health value as a finite number",
+    OUT_OF_RANGE: "an input is outside the model's range",
+    DEMAND_TOO_HIGH: "the asked flow is more than the pump delivers at this speed: "
+    "ask for less flow, more speed, or give the load as a resistance",
+    NOT_CONVERGED: "no steady state was found: check that health values describe a pump that still regulates",
+}
+
+
+def operating_points(
+    pump: Pump,
+    rows: NDArray[np.float64],
+    circuit: Circuit,
+    *,
+    derivatives: bool = False,
+    load_coefficient: NDArray[np.float64] | float = 0.0,
+) -> OperatingPoints:
+    """Steady states for many conditions at once.
+
+    Parameters
+    ----------
+    pump
+        Kernel parameters of a pump type (``twin.pumps.pump_type("h225").pump``).
+    rows
+        Conditions and health in the order of ``twin.condition.INPUTS``, shape (n, len(INPUTS)).
+    circuit
+        What the ports see (``twin.pumps.circuit_parameters``).
+    derivatives
+        Also give d(output)/d(input), shape (n, len(OUTPUTS), len(INPUTS)).
+    load_coefficient
+        Where positive, the load is equation 3-2 with this k_d [Pa/(m3/s)^2] and the row's discharge flow is
+        ignored; scalar or shape (n,).
+
+    Returns
+    -------
+    OperatingPoints
+        A row without a solution has NaN and a status of ``PROBLEMS``; its neighbours are not touched.
+
+    Raises
+    ------
+    ValueError
+        when ``rows`` has the wrong shape.
+    """
+    rows = np.array(rows, dtype=np.float64, ndmin=2)
+    if rows.ndim != 2 or rows.shape[1] != len(INPUTS):
+        raise ValueError(f"rows must have shape (n, {len(INPUTS)}), one column per input; got {rows.shape}")
+    n = len(rows)
+    k_d = np.ascontiguousarray(np.broadcast_to(np.asarray(load_coefficient, dtype=np.float64), (n,)))
+    values = np.empty((n, len(OUTPUTS)))
+    slopes = np.empty((n, len(OUTPUTS), len(INPUTS)) if derivatives else (0, 0, 0))
+    status = np.zeros(n, dtype=np.int64)
+    solve_batch(pump, circuit, rows, k_d, values, slopes, status)
+    return OperatingPoints(rows, values, slopes if derivatives else None, status)
+
+
+def operating_point(
+    pump: Pump,
+    condition: Condition,
+    circuit: Circuit,
+    health: Health = Health(),  # noqa: B008 - immutable
+    *,
+    derivatives: bool = False,
+    load_coefficient: float = 0.0,
+) -> OperatingPoints:
+    """One steady state, as ``OperatingPoints`` of length 1; see ``operating_points``."""
+    rows = input_rows([condition], [health])
+    return operating_points(pump, rows, circuit, derivatives=derivatives, load_coefficient=load_coefficient)
+
+
+def problem(points: OperatingPoints, index: int) -> str | None:
+    """Why row ``index`` has no solution, naming every input out of range; None when it is solved."""
+    code = int(points.status[index])
+    if code == 0:
+        return None
+    if code != OUT_OF_RANGE:
+        return PROBLEMS[code]
+    row = dict(zip(INPUTS, points.inputs[index], strict=True))
+    faults = [
+        f"{name} = {row[name]:g} (allowed: {low:g} to {high:g})"
+        for name, (low, high) in RANGES.items()
+        if not low <= row[name] <= high
+    ]
+    absolute = row["reservoir_pressure_bar"] + row["ambient_pressure_bar"]
+    if not 0.1 <= absolute <= 20.0:
+        faults.append(f"absolute reservoir pressure = {absolute:g} bar (allowed: 0.1 to 20)")
+    return f"{PROBLEMS[code]}: {'; '.join(faults)}"

@@ -1,0 +1,189 @@
+"""Types of a parameter set: one immutable block of SI numbers per pump part, each number with unit and source."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
+
+from twin.laws.fluid import Fluid
+from twin.units import SI_PER_UNIT
+
+
+class Piston(NamedTuple):
+    """Pistons in their bores; ``n`` of them, equally spaced (a float for the kernels, a whole number)."""
+
+    n: float
+    d_p: float
+    R: float
+    b: float
+    l_mean: float
+    V_dead: float
+    m: float
+
+
+class Slipper(NamedTuple):
+    """Hydrostatic bearing under each slipper."""
+
+    h: float
+    diameter_ratio: float
+    d_throttle: float
+    C_q: float
+
+
+class PortPlate(NamedTuple):
+    """Gap between barrel and port plate; ``shape`` is arc length over land width of one kidney's lands."""
+
+    h: float
+    shape: float
+    phi_commutation: float
+
+
+class Swashplate(NamedTuple):
+    """Tilting plate with its stop."""
+
+    alpha_max: float
+    J: float
+
+
+class Compensator(NamedTuple):
+    """Pressure compensator: spool, its metering edges, stroking piston, rate piston with spring, bleed."""
+
+    A_spool: float
+    F_preload: float
+    k_spool: float
+    x_zero: float
+    w_edge: float
+    c_edge: float
+    x_overlap: float
+    C_q: float
+    cos_jet: float
+    d_spool: float
+    c_spool: float
+    l_seal_discharge: float
+    l_seal_case: float
+    A_stroke: float
+    L_stroke: float
+    b_stroke: float
+    l_stroke: float
+    d_bleed: float
+    F_rate: float
+    k_rate: float
+    L_rate: float
+    spring_softening: float
+
+
+class Friction(NamedTuple):
+    """Losses that the shaft has to bear beside the hydraulic work."""
+
+    torque_viscous_ref: float
+    torque_pressure: float
+
+
+class Pump(NamedTuple):
+    """All blocks of one pump, at most two levels deep: ``pump.slipper.h``."""
+
+    piston: Piston
+    slipper: Slipper
+    port_plate: PortPlate
+    swashplate: Swashplate
+    compensator: Compensator
+    friction: Friction
+    fluid: Fluid
+
+
+class Circuit(NamedTuple):
+    """What the pump's ports see. ``shared`` is 1 where the drain joins the return line, 0 with its own line.
+
+    ``k_c`` grows linearly with temperature from ``T_ref``: ``k_c (1 + k_c_slope (T - T_ref))``.
+    """
+
+    shared: float
+    k_c: float
+    k_c_slope: float
+    w_nu: float
+    w_Q: float
+    Q_ref: float
+    k_inf: float
+    k_inf_slope: float
+    K: float
+    K_slope: float
+    gamma: float
+    T_ref: float
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One number as its source states it.
+
+    Attributes
+    ----------
+    value, unit
+        As written in the source; ``si`` converts.
+    source
+        Thesis table or section, standard, measurement, or an estimate with its reason.
+    uncertainty
+        Relative one-sigma spread between pumps or of the estimate [-]; None where the source gives none.
+    """
+
+    value: float
+    unit: str
+    source: str
+    uncertainty: float | None = None
+
+    @property
+    def si(self) -> float:
+        """The value in SI units."""
+        return self.value * SI_PER_UNIT[self.unit]
+
+
+Block = TypeVar("Block", bound=NamedTuple)
+
+
+def block(kind: type[Block], quantities: Mapping[str, Quantity]) -> Block:
+    """Block of SI floats from its quantities.
+
+    Raises
+    ------
+    ValueError
+        naming every missing and every unknown field at once.
+    """
+    fields: tuple[str, ...] = kind._fields
+    faults = [f"missing: {name}" for name in fields if name not in quantities]
+    faults += [f"unknown: {name}" for name in quantities if name not in fields]
+    if faults:
+        raise ValueError(f"{kind.__name__}: {'; '.join(faults)}")
+    numbers: list[Any] = [float(quantities[name].si) for name in fields]
+    return kind(*numbers)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensor:
+    """What a pressure sensor is: full scale [bar], accuracy and repeatability as fractions of full scale [-]."""
+
+    full_scale_bar: float
+    accuracy_fs: float
+    repeatability_fs: float
+
+
+@dataclass(frozen=True, slots=True)
+class PumpType:
+    """A pump type: kernel parameters, where each number comes from, and the facts that detection needs.
+
+    Attributes
+    ----------
+    quantities
+        ``"part.field"`` to quantity, for every number in ``pump``.
+    limits
+        Acceptance limits and reference condition, by name with the unit in it.
+    population
+        One-sigma spreads between pumps and aircraft, by name with the unit in it.
+    """
+
+    name: str
+    title: str
+    pump: Pump
+    quantities: Mapping[str, Quantity]
+    nominal_speed_rpm: float
+    nominal_reservoir_pressure_bar: float
+    sensors: Mapping[str, Sensor]
+    limits: Mapping[str, Quantity]
+    population: Mapping[str, Quantity]

@@ -1,0 +1,135 @@
+"""The H225's main hydraulic pump (part 46159, model AP2V-0120) as the acceptance sheet shows the real one.
+
+Fitted numbers say so in their source. Fitted to the sheet of DT 907 (annex A-4: 63 degC, 4605 rpm): slipper gap
+(case flow at full flow), bleed (case flow at zero flow), spool preload (zero-flow pressure), friction (zero-flow
+torque). Fitted to the droop that the test points allow (175 bar at zero flow, 167 bar near full flow): spool
+rate, rate-spring stiffness. The rest are estimates that meet the thesis' targets together.
+"""
+
+from collections.abc import Mapping
+
+from twin.fluids import FLUIDS, MIL_PRF_83282
+from twin.parameters import (
+    Compensator,
+    Friction,
+    Piston,
+    PortPlate,
+    Pump,
+    PumpType,
+    Quantity,
+    Sensor,
+    Slipper,
+    Swashplate,
+    block,
+)
+
+_EST = "estimate: meets the thesis' targets together with the other geometry"
+_SHEET = "fitted to the acceptance sheet, Mkadara 2020, annex A-4"
+_DROOP = "fitted to a droop of about 0.15 bar/(L/min), inside what the test points of annex A-1 allow"
+
+PISTON: Mapping[str, Quantity] = {
+    "n": Quantity(9, "-", "Mkadara 2020, section 2.1"),
+    "d_p": Quantity(9.75, "mm", _EST),
+    "R": Quantity(17.5, "mm", f"{_EST}; pitch circle 35 mm"),
+    "b": Quantity(5.6, "um", "from table 4-3: three pistons leak 0.0023 L/min there", 0.3),
+    "l_mean": Quantity(20.0, "mm", _EST),
+    "V_dead": Quantity(0.25, "cm3", _EST, 0.2),
+    "m": Quantity(20.0, "g", "estimate: steel piston of that size with its slipper", 0.3),
+}
+SLIPPER: Mapping[str, Quantity] = {
+    "h": Quantity(8.7433, "um", _SHEET, 0.1),
+    "diameter_ratio": Quantity(1.45, "-", "Mkadara 2020, table 2-10"),
+    "d_throttle": Quantity(0.67, "mm", "estimate: one geometry that meets table 2-13"),
+    "C_q": Quantity(0.7, "-", "usual limit coefficient of a short orifice"),
+}
+PORT_PLATE: Mapping[str, Quantity] = {
+    "h": Quantity(3.43, "um", "Mkadara 2020, table 3-9 (average of scattered fits)", 0.9),
+    "shape": Quantity(30.0, "-", "estimate: two lands of 150 deg at 17.5 mm radius, 3 mm wide", 0.3),
+    "phi_commutation": Quantity(0.02, "rad", "estimate: delay of the pressure in the chambers", 0.5),
+}
+SWASHPLATE: Mapping[str, Quantity] = {
+    "alpha_max": Quantity(0.264, "rad", "Mkadara 2020, table 3-9", 0.013),
+    "J": Quantity(2.5e-4, "kg m2", _EST, 0.3),
+}
+COMPENSATOR: Mapping[str, Quantity] = {
+    "A_spool": Quantity(28.0, "mm2", "estimate: 500 N of jamming hold against 175 bar, section 2.5.3.2", 0.1),
+    "F_preload": Quantity(461.173, "N", _SHEET, 0.005),
+    "k_spool": Quantity(62.452, "N/mm", _DROOP, 0.5),
+    "x_zero": Quantity(0.40247, "mm", "spool position of the healthy pump at zero flow and 50 degC (our own solution)"),
+    "w_edge": Quantity(0.20, "mm", _DROOP, 0.5),
+    "c_edge": Quantity(5.0, "um", "estimate: sharp edge, rounded by a clearance", 0.5),
+    "x_overlap": Quantity(10.0, "um", "estimate: closed-centre valve, section 2.5.1.1", 0.5),
+    "C_q": Quantity(0.7, "-", "usual limit coefficient of a sharp edge"),
+    "cos_jet": Quantity(0.358, "-", "cosine of the 69 deg jet angle of a sharp edge, section 2.5.1.1.2"),
+    "d_spool": Quantity(5.97, "mm", "diameter of the spool area"),
+    "c_spool": Quantity(6.0, "um", "estimate: usual clearance of a lapped spool", 0.5),
+    "l_seal_discharge": Quantity(0.6, "mm", "estimate: short seal beside the metering slots", 0.5),
+    "l_seal_case": Quantity(3.0, "mm", _EST, 0.5),
+    "A_stroke": Quantity(150.0, "mm2", _EST, 0.1),
+    "L_stroke": Quantity(28.0, "mm", _EST),
+    "b_stroke": Quantity(8.0, "um", "estimate: usual clearance of a servo piston", 0.5),
+    "l_stroke": Quantity(15.0, "mm", _EST),
+    "d_bleed": Quantity(0.37759, "mm", _SHEET, 0.2),
+    "F_rate": Quantity(390.54, "N", "1 kN at zero tilt less the spring's travel", 0.3),
+    "k_rate": Quantity(80.525, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
+    "L_rate": Quantity(28.0, "mm", _EST),
+    "spring_softening": Quantity(0.0, "1/K", "not modelled: no temperature series of the setting is published"),
+}
+FRICTION: Mapping[str, Quantity] = {
+    "torque_viscous_ref": Quantity(1.0, "N m", _SHEET, 0.3),
+    "torque_pressure": Quantity(0.04956, "cm3", f"{_SHEET}: N m of Coulomb friction per Pa of discharge pressure", 0.3),
+}
+
+_PARTS: Mapping[str, Mapping[str, Quantity]] = {
+    "piston": PISTON,
+    "slipper": SLIPPER,
+    "port_plate": PORT_PLATE,
+    "swashplate": SWASHPLATE,
+    "compensator": COMPENSATOR,
+    "friction": FRICTION,
+    "fluid": MIL_PRF_83282,
+}
+
+LIMITS: Mapping[str, Quantity] = {
+    "case_flow_lpm": Quantity(1.5, "L/min", "Mkadara 2020, table 2-1: largest case flow at zero flow"),
+    "case_flow_low_lpm": Quantity(0.3, "L/min", "Mkadara 2020, table 2-1: smallest case flow at zero flow"),
+    "reference_temperature_k": Quantity(333.15, "K", "Mkadara 2020, table 2-1: 60 degC"),
+    "zero_flow_pressure_low_bar": Quantity(173.0, "bar", "Mkadara 2020, table 2-1"),
+    "zero_flow_pressure_high_bar": Quantity(177.0, "bar", "Mkadara 2020, table 2-1"),
+}
+
+POPULATION: Mapping[str, Quantity] = {
+    "pump_leakage_scale": Quantity(0.30, "-", "estimate: spans the acceptance limits of case flow"),
+    "pressure_setting_bar": Quantity(1.0, "bar", "acceptance limits 173 to 177 bar as two sigma"),
+    "drain_resistance_scale": Quantity(0.20, "-", "estimate: hoses and fittings between aircraft"),
+    "drain_viscosity_weight": Quantity(0.30, "-", "estimate: hoses explain 40 % of k_c at 50 degC"),
+    "drain_flow_weight": Quantity(0.40, "-", "estimate: fittings explain the rest"),
+    "system_leakage_lpm": Quantity(0.2, "L/min", "by-pass 0.3 to 0.7 L/min of table 2-1, round its mean"),
+    "droop_scale": Quantity(1.0, "-", "estimate: droop times 0.3 to 3 between pumps"),
+    "reservoir_pressure_bar": Quantity(0.5, "bar", "estimate: spread where no reservoir sensor is fitted"),
+    "case_zero_bar": Quantity(0.06, "bar", "zero shift between campaigns of a published rig (Rojek, Blachnik 2024)"),
+}
+
+H225 = PumpType(
+    name="h225",
+    title="H225 main hydraulic pump, 46159 (AP2V-0120)",
+    pump=Pump(
+        piston=block(Piston, PISTON),
+        slipper=block(Slipper, SLIPPER),
+        port_plate=block(PortPlate, PORT_PLATE),
+        swashplate=block(Swashplate, SWASHPLATE),
+        compensator=block(Compensator, COMPENSATOR),
+        friction=block(Friction, FRICTION),
+        fluid=FLUIDS["MIL-PRF-83282"],
+    ),
+    quantities={f"{part}.{name}": q for part, fields in _PARTS.items() for name, q in fields.items()},
+    nominal_speed_rpm=4600.0,
+    nominal_reservoir_pressure_bar=0.0,
+    sensors={
+        "discharge_pressure_bar": Sensor(350.0, 0.01, 0.001),
+        "case_pressure_bar": Sensor(5.0, 0.01, 0.001),
+        "reservoir_pressure_bar": Sensor(5.0, 0.01, 0.001),
+    },
+    limits=LIMITS,
+    population=POPULATION,
+)

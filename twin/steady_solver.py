@@ -1,0 +1,239 @@
+"""Damped Newton for the steady state, and its derivatives by the implicit function theorem."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled import compiled
+from twin.parameters import Circuit, Pump
+from twin.steady_state import N_UNKNOWNS, evaluate
+from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+SOLVED = 0
+NOT_FINITE = 1
+OUT_OF_RANGE = 2
+DEMAND_TOO_HIGH = 3
+NOT_CONVERGED = 4
+
+_MAX_ITERATIONS = 60
+_MAX_HALVINGS = 12
+_TOLERANCE = 1.0e-13
+"""Largest scaled residual; flows are scaled by 1e-4 m3/s, so 1e-13 is far below 1e-9 of any throughput."""
+
+# scales of the unknowns P_d, P_c, s, x, Q_L and of the residuals (flow, Pa, N, flow, flow or Pa)
+_U = (1.0e7, 1.0e5, 0.1, 1.0e-3, 1.0e-4)
+_STEP = 1.0e-6
+
+
+@compiled
+def _norm(F: Vector, k_d: float) -> float:
+    last = F[4] / (1.0e7 if k_d > 0.0 else 1.0e-4)
+    return float(max(abs(F[0]) / 1.0e-4, abs(F[1]) / 1.0e5, abs(F[2]) / 100.0, abs(F[3]) / 1.0e-5, abs(last)))
+
+
+@compiled
+def _solve_dense(A: Matrix, b: Matrix, n_rhs: int) -> bool:
+    """Solve A X = b in place by Gaussian elimination with partial pivoting; False when singular."""
+    n = N_UNKNOWNS
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[pivot, k]):
+                pivot = i
+        if not abs(A[pivot, k]) > 0.0:
+            return False
+        if pivot != k:
+            for j in range(n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            for j in range(n_rhs):
+                b[k, j], b[pivot, j] = b[pivot, j], b[k, j]
+        for i in range(k + 1, n):
+            f = A[i, k] / A[k, k]
+            for j in range(k, n):
+                A[i, j] -= f * A[k, j]
+            for j in range(n_rhs):
+                b[i, j] -= f * b[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(n_rhs):
+            total = b[k, j]
+            for i in range(k + 1, n):
+                total -= A[k, i] * b[i, j]
+            b[k, j] = total / A[k, k]
+    return True
+
+
+@compiled
+def start(pump: Pump, row: Vector, k_d: float, at_stop: bool, u: Vector) -> None:
+    """First guess of the unknowns: the regulated pump at its setting, or the pump at its tilt stop."""
+    comp = pump.compensator
+    alpha_max = pump.swashplate.alpha_max
+    P_r = (row[2] + row[4]) * PA_PER_BAR
+    setting = (comp.F_preload + comp.k_spool * comp.x_zero) / comp.A_spool + row[11] * PA_PER_BAR
+    A_p = 0.25 * math.pi * pump.piston.d_p**2
+    per_tangent = pump.piston.n * A_p * pump.piston.R * row[0] * RAD_PER_S_PER_RPM / math.pi
+    Q_max = 0.97 * per_tangent * math.tan(alpha_max)
+    Q = min(math.sqrt(setting / k_d), Q_max) if k_d > 0.0 else row[3] * M3_PER_S_PER_LPM
+    u[1] = P_r + 0.5e5
+    u[4] = Q
+    if at_stop:
+        u[0] = P_r + min(k_d * Q * Q, 0.98 * setting) if k_d > 0.0 else P_r + 0.9 * setting
+        u[2] = alpha_max + 0.05
+        u[3] = -0.2e-3
+    else:
+        u[0] = u[1] + setting
+        u[2] = min(math.atan((Q + 2.0e-5) / per_tangent), alpha_max)
+        u[3] = comp.x_zero
+
+
+@compiled
+def _jacobian(
+    pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F: Vector, Y: Vector, J: Matrix, F_2: Vector
+) -> None:
+    """Forward-difference Jacobian of the residuals in scaled unknowns, shape (5, 5)."""
+    for j in range(N_UNKNOWNS):
+        kept = u[j]
+        u[j] = kept + _STEP * _U[j]
+        evaluate(pump, circuit, row, k_d, u, F_2, Y)
+        u[j] = kept
+        for i in range(N_UNKNOWNS):
+            J[i, j] = (F_2[i] - F[i]) / _STEP
+
+
+@compiled
+def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: Vector, work: Matrix) -> bool:
+    """Drive the residuals to zero from the guess in ``u``; True when solved. ``work`` is (8, 5) of scratch."""
+    F, F_2, kept = work[0], work[1], work[2]
+    J, b = work[3:8], np.empty((N_UNKNOWNS, 1))
+    evaluate(pump, circuit, row, k_d, u, F, Y)
+    norm = _norm(F, k_d)
+    for _ in range(_MAX_ITERATIONS):
+        if norm < _TOLERANCE:
+            return True
+        _jacobian(pump, circuit, row, k_d, u, F, Y, J, F_2)
+        for i in range(N_UNKNOWNS):
+            b[i, 0] = -F[i]
+            kept[i] = u[i]
+        if not _solve_dense(J, b, 1):
+            return False
+        damping = min(1.0, 0.5e7 / max(abs(b[0, 0]) * _U[0], 1.0), 1.0e-3 / max(abs(b[3, 0]) * _U[3], 1.0e-9))
+        improved = False
+        for _halving in range(_MAX_HALVINGS):
+            for i in range(N_UNKNOWNS):
+                u[i] = kept[i] + damping * b[i, 0] * _U[i]
+            evaluate(pump, circuit, row, k_d, u, F, Y)
+            trial = _norm(F, k_d)
+            if trial < norm or trial < _TOLERANCE:
+                improved = True
+                norm = trial
+                break
+            damping *= 0.5
+        if not improved:
+            # at the floor of rounding a further step cannot improve: accept what is solved for every purpose
+            for i in range(N_UNKNOWNS):
+                u[i] = kept[i]
+            evaluate(pump, circuit, row, k_d, u, F, Y)
+            return _norm(F, k_d) < 1.0e4 * _TOLERANCE
+    return norm < 1.0e4 * _TOLERANCE
+
+
+@compiled
+def differentiate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, n_out: int, D: Matrix) -> bool:
+    """Derivatives of the outputs by the inputs, D of shape (n_out, len(row)), at a solution ``u``.
+
+    With F(u, p) = 0: du/dp = -F_u^-1 F_p and dY/dp = Y_u du/dp + Y_p, the partials by central differences.
+    """
+    n_in = row.shape[0]
+    n = N_UNKNOWNS
+    F_a, F_b = np.empty(n), np.empty(n)
+    Y_a, Y_b = np.empty(n_out), np.empty(n_out)
+    F_u, Y_u = np.empty((n, n)), np.empty((n_out, n))
+    F_p, Y_p = np.empty((n, n_in)), np.empty((n_out, n_in))
+    for j in range(n):
+        h, kept = 1.0e-5 * _U[j], u[j]
+        u[j] = kept + h
+        evaluate(pump, circuit, row, k_d, u, F_a, Y_a)
+        u[j] = kept - h
+        evaluate(pump, circuit, row, k_d, u, F_b, Y_b)
+        u[j] = kept
+        F_u[:, j] = (F_a - F_b) / 2.0e-5
+        Y_u[:, j] = (Y_a - Y_b) / 2.0e-5
+    for j in range(n_in):
+        kept = row[j]
+        h = 1.0e-5 * max(1.0, abs(kept))
+        row[j] = kept + h
+        evaluate(pump, circuit, row, k_d, u, F_a, Y_a)
+        row[j] = kept - h
+        evaluate(pump, circuit, row, k_d, u, F_b, Y_b)
+        row[j] = kept
+        F_p[:, j] = (F_b - F_a) / (2.0 * h)
+        Y_p[:, j] = (Y_a - Y_b) / (2.0 * h)
+    if not _solve_dense(F_u, F_p, n_in):
+        return False
+    for i in range(n_out):
+        for j in range(n_in):
+            total = Y_p[i, j]
+            for k in range(n):
+                total += Y_u[i, k] * F_p[k, j]
+            D[i, j] = total
+    return True
+
+
+@compiled
+def is_finite(row: Vector) -> bool:
+    """True when every input is a number."""
+    return bool(np.all(np.isfinite(row)))
+
+
+@compiled
+def is_in_range(row: Vector) -> bool:
+    """True within the range in which the model's laws are meant: see ``twin.operating_point.RANGES``."""
+    speed, T, P_r, Q, P_amb = row[0], row[1], row[2], row[3], row[4]
+    ok = 200.0 <= speed <= 8000.0 and -20.0 <= T <= 140.0 and 0.1 <= P_r + P_amb <= 20.0
+    ok = ok and 0.0 <= Q <= 100.0 and 0.0 < P_amb <= 1.5
+    for j in (5, 6, 7, 8, 12):
+        ok = ok and 0.01 <= row[j] <= 100.0
+    ok = ok and 0.0 <= row[9] <= 20.0 and 0.0 <= row[10] <= 50.0 and abs(row[11]) <= 100.0
+    return bool(ok and abs(row[13]) <= 2.0 and abs(row[14]) <= 2.0 and 0.0 <= row[15] <= 10.0)
+
+
+@compiled
+def solve_batch(
+    pump: Pump,
+    circuit: Circuit,
+    rows: Matrix,
+    k_d: Vector,
+    Y: Matrix,
+    D: NDArray[np.float64],
+    status: NDArray[np.int64],
+) -> None:
+    """Solve every row; a neighbour's failure costs nothing. ``D`` of shape (0, 0, 0) asks for no derivatives."""
+    n_out = Y.shape[1]
+    u = np.empty(N_UNKNOWNS)
+    work = np.empty((8, N_UNKNOWNS))
+    warm = False
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        if not is_finite(row):
+            status[i] = NOT_FINITE
+        elif not is_in_range(row):
+            status[i] = OUT_OF_RANGE
+        else:
+            solved = warm and solve(pump, circuit, row, k_d[i], u, Y[i], work)
+            for at_stop in (False, True):
+                if not solved:
+                    start(pump, row, k_d[i], at_stop, u)
+                    solved = solve(pump, circuit, row, k_d[i], u, Y[i], work)
+            # an imposed flow beyond the delivery pulls the fully tilted pump down to the return line or lower
+            starved = not Y[i, 0] > Y[i, 2] or (not solved and u[2] > pump.swashplate.alpha_max)
+            status[i] = SOLVED if solved and not starved else (DEMAND_TOO_HIGH if starved else NOT_CONVERGED)
+        warm = status[i] == SOLVED
+        if warm and D.shape[0] > 0 and not differentiate(pump, circuit, row, k_d[i], u, n_out, D[i]):
+            status[i] = NOT_CONVERGED
+        if status[i] != SOLVED:
+            Y[i, :] = np.nan
+            if D.shape[0] > 0:
+                D[i, :, :] = np.nan
