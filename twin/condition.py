@@ -26,7 +26,9 @@ class Health(NamedTuple):
     """What wear and faults change; the default is the healthy pump of the parameter set.
 
     ``pump_leakage_scale`` multiplies every internal leakage to the case except the compensator's;
-    the three scales after it multiply one path each, on top of it.
+    the three scales after it multiply one path each, on top of it. ``throttled_leakage_lpm`` is added from
+    discharge to case with the law of an orifice: a slipper so worn that its throttle alone holds the flow back,
+    counted at a pressure difference of 175 bar.
     """
 
     pump_leakage_scale: float = 1.0
@@ -40,6 +42,7 @@ class Health(NamedTuple):
     drain_viscosity_weight_change: float = 0.0
     drain_flow_weight_change: float = 0.0
     droop_scale: float = 1.0
+    throttled_leakage_lpm: float = 0.0
 
 
 CONDITION_INPUTS: tuple[str, ...] = Condition._fields

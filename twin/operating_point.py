@@ -27,6 +27,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "drain_viscosity_weight_change": (-2.0, 2.0),
     "drain_flow_weight_change": (-2.0, 2.0),
     "droop_scale": (0.0, 10.0),
+    "throttled_leakage_lpm": (0.0, 20.0),
 }
 """Inputs the solver takes; besides, the absolute reservoir pressure must lie between 0.1 and 20 bar."""
 

@@ -196,7 +196,7 @@ def is_in_range(row: Vector) -> bool:
     ok = ok and 0.0 <= Q <= 100.0 and 0.0 < P_amb <= 1.5
     for j in (5, 6, 7, 8, 12):
         ok = ok and 0.01 <= row[j] <= 100.0
-    ok = ok and 0.0 <= row[9] <= 20.0 and 0.0 <= row[10] <= 50.0 and abs(row[11]) <= 100.0
+    ok = ok and 0.0 <= row[9] <= 20.0 and 0.0 <= row[16] <= 20.0 and 0.0 <= row[10] <= 50.0 and abs(row[11]) <= 100.0
     return bool(ok and abs(row[13]) <= 2.0 and abs(row[14]) <= 2.0 and 0.0 <= row[15] <= 10.0)
 
 

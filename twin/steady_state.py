@@ -33,6 +33,7 @@ from twin.units import (
 N_UNKNOWNS = 5
 T_50 = KELVIN_AT_0_DEGC + 50.0
 OMEGA_REF = 4600.0 * RAD_PER_S_PER_RPM
+P_THROTTLED = 175.0 * PA_PER_BAR
 
 _LPM = M3_PER_S_PER_LPM
 _BAR = PA_PER_BAR
@@ -138,6 +139,7 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     slipper_s = k_slipper * half * throttled_land_flow(P_s, P_c, G_s, C_A, rho)
     k_plate = scale * row[8]
     plate_d = k_plate * port_plate_gap_flow(P_d, P_c, mu_d, plate.h, plate.shape)
+    throttled = row[16] * _LPM * math.sqrt(max(P_d - P_c, 0.0) / P_THROTTLED)
     plate_s = k_plate * port_plate_gap_flow(P_s, P_c, mu_s, plate.h, plate.shape)
 
     dP_ctrl = control_pressure_difference(pump, s, omega, P_d - P_s)
@@ -149,7 +151,7 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     bleed_extra = row[9] * _LPM * math.tanh(dP_ctrl / (0.05 * comp.F_rate / comp.A_stroke))
     Q_comp = out_spool + out_stroke + bleed_extra
 
-    leak_d = piston_d - drag + slipper_d + plate_d
+    leak_d = piston_d - drag + slipper_d + plate_d + throttled
     leak_s = piston_s + drag + slipper_s + plate_s
     Q_c = leak_d + leak_s + Q_comp
     Q_sys = row[10] * _LPM
@@ -184,7 +186,7 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     Y[6] = Q_c / _LPM
     Y[7] = torque
     Y[8] = (piston_d + piston_s) / _LPM
-    Y[9] = (slipper_d + slipper_s) / _LPM
+    Y[9] = (slipper_d + slipper_s + throttled) / _LPM
     Y[10] = (plate_d + plate_s) / _LPM
     Y[11] = Q_comp / _LPM
     Y[12] = (Q_pump + leak_s) / _LPM

@@ -114,7 +114,7 @@ class TestWhatMovesWhat:
         assert value(leaking, "return_pressure_bar") > value(healthy, "return_pressure_bar")
         # what is left comes from the drooping valve: less control pressure, less bleed; a shared line shows 0.14 bar
 
-    assert value(leaking, "case_pressure_bar") == pytest.approx(value(healthy, "case_pressure_bar"), abs=0.01)
+        assert value(leaking, "case_pressure_bar") == pytest.approx(value(healthy, "case_pressure_bar"), abs=0.01)
 
 
 def random_rows(n: int, seed: int) -> np.ndarray:
@@ -131,6 +131,7 @@ def random_rows(n: int, seed: int) -> np.ndarray:
         "piston_leakage_scale": 10 ** rng.uniform(-0.5, 1.0, n),
         "control_bleed_lpm": rng.uniform(0, 0.3, n),
         "system_leakage_lpm": rng.uniform(0, 1.0, n),
+        "throttled_leakage_lpm": rng.uniform(0, 0.5, n),
         "pressure_setting_change_bar": rng.uniform(-10, 10, n),
         "drain_resistance_scale": 10 ** rng.uniform(-0.3, 0.5, n),
         "drain_viscosity_weight_change": rng.uniform(0, 0.4, n),
@@ -180,7 +181,7 @@ def test_derivatives_against_finite_differences_of_the_whole_solve() -> None:
         up, down = rows.copy(), rows.copy()
         up[:, j] += h
         down[:, j] -= h
-        if name in ("control_bleed_lpm", "system_leakage_lpm", "discharge_flow_lpm"):
+        if name in ("control_bleed_lpm", "system_leakage_lpm", "discharge_flow_lpm", "throttled_leakage_lpm"):
             keep = rows[:, j] > h
         else:
             keep = np.full(len(rows), True)
@@ -218,7 +219,7 @@ def test_a_bad_row_costs_its_neighbours_nothing() -> None:
 
 
 def test_wrong_shape_is_said() -> None:
-    with pytest.raises(ValueError, match=r"shape \(n, 16\)"):
+    with pytest.raises(ValueError, match=r"shape \(n, 17\)"):
         operating_points(PUMP, np.zeros((3, 4)), BENCH)
 
 
