@@ -225,9 +225,9 @@ def test_wrong_shape_is_said() -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(
-    T=st.floats(0, 120),
-    speed=st.floats(920, 5500),
-    scale=st.floats(0.4, 4.0),
+    T=st.floats(0, 100),  # hotter and slower, a badly worn pump reaches its tilt stop and loses pressure instead
+    speed=st.floats(3000, 5500),
+    scale=st.floats(0.4, 3.0),
     more=st.floats(1.05, 1.5),
 )
 def test_more_wear_never_lowers_case_flow_or_pressure(T: float, speed: float, scale: float, more: float) -> None:
