@@ -94,6 +94,7 @@ class Observation:
     flight_id: str
     reduction: Reduction
     flight_hours: float | None = None
+    segment: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,35 @@ class ThresholdKey:
     meaning: str
 
 
-KEYS: tuple[ThresholdKey, ...] = ()
+KEYS: tuple[ThresholdKey, ...] = (
+    ThresholdKey("window_minimum_duration_s", "s", 30.0, 2.0, 600.0, "shortest stretch that counts as a window"),
+    ThresholdKey("window_speed_band_percent", "%", 1.0, 0.1, 10.0, "largest change of shaft speed within a window"),
+    ThresholdKey("window_temperature_drift_k", "K", 2.0, 0.2, 20.0, "largest change of fluid temperature in a window"),
+    ThresholdKey(
+        "window_steady_percent_full_scale",
+        "%",
+        1.0,
+        0.05,
+        5.0,
+        "a pressure is steady when its mean varies by less than this share of full scale",
+    ),
+    ThresholdKey(
+        "window_control_activity", "-", 0.05, 0.0, 1.0, "flight-control activity up to which controls are untouched"
+    ),
+    ThresholdKey("window_commanded_flow_lpm", "L/min", 0.5, 0.0, 5.0, "commanded flow up to which flow counts as zero"),
+    ThresholdKey("pump_off_minimum_duration_s", "s", 10.0, 1.0, 600.0, "shortest pump-off stretch that gives a zero"),
+    ThresholdKey("baseline_records", "records", 8.0, 3.0, 100.0, "records after an installation that set its baseline"),
+    ThresholdKey("alarm_on_log_odds", "nat", 4.0, 0.5, 30.0, "log odds of a fault at which an alarm counts up"),
+    ThresholdKey("alarm_off_log_odds", "nat", 1.0, -5.0, 30.0, "log odds below which an alarm ends"),
+    ThresholdKey("alarm_records", "records", 3.0, 1.0, 20.0, "records in a row above the on-level before an alarm"),
+    ThresholdKey("side_probability", "-", 0.95, 0.5, 0.9999, "share of one fault among all faults to be named"),
+    ThresholdKey("side_records", "records", 3.0, 1.0, 50.0, "records in a row above that share before it is named"),
+    ThresholdKey("candidate_probability", "-", 0.05, 0.001, 0.5, "share from which a fault stays a candidate"),
+    ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),
+    ThresholdKey("sensor_shift_bar", "bar", 0.06, 0.01, 1.0, "shift of the case sensor's zero that is worth a word"),
+)
+_BY_NAME = {key.name: key for key in KEYS}
+_ORDERED = (("alarm_off_log_odds", "alarm_on_log_odds"),)
 
 
 def effective(values: Mapping[str, float]) -> dict[str, float]:
@@ -25,16 +53,26 @@ def effective(values: Mapping[str, float]) -> dict[str, float]:
     Raises
     ------
     ValueError
-        naming every unknown key and every value outside its range.
+        naming every unknown key, every value outside its range and every pair out of order at once.
     """
-    by_name = {key.name: key for key in KEYS}
+    faults = threshold_faults(values)
+    if faults:
+        raise ValueError("; ".join(f"{name}: {problem}" for name, problem in faults))
+    return {key.name: float(values.get(key.name, key.default)) for key in KEYS}
+
+
+def threshold_faults(values: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Every fault of a set of values as (key, problem); empty when they are good."""
     faults = []
     for name, value in values.items():
-        key = by_name.get(name)
+        key = _BY_NAME.get(name)
         if key is None:
-            faults.append(f"{name}: no such threshold")
+            faults.append((name, "no such threshold"))
         elif not key.low <= value <= key.high:
-            faults.append(f"{name}: {value:g} {key.unit} is outside {key.low:g} to {key.high:g} {key.unit}")
-    if faults:
-        raise ValueError("; ".join(faults))
-    return {key.name: float(values.get(key.name, key.default)) for key in KEYS}
+            faults.append((name, f"{value:g} {key.unit} is outside {key.low:g} to {key.high:g} {key.unit}"))
+    for low, high in _ORDERED:
+        below = values.get(low, _BY_NAME[low].default)
+        above = values.get(high, _BY_NAME[high].default)
+        if below > above:
+            faults.append((low, f"{below:g} lies above {high} = {above:g}"))
+    return faults
