@@ -1,0 +1,235 @@
+"""The command line."""
+
+import sys
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import httpx
+import structlog
+import typer
+import uvicorn
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from detectors.curve_svg import curve_svg
+from service import __version__
+from service.client import Client, RefusedError
+from service.errors import Problem
+from service.ingest.decode import Limits
+from service.settings import Settings
+
+app = typer.Typer(no_args_is_help=True, help="Condition monitoring of hydraulic pumps.", pretty_exceptions_enable=False)
+keys_app = typer.Typer(no_args_is_help=True, help="API keys.")
+db_app = typer.Typer(no_args_is_help=True, help="The database's schema.")
+app.add_typer(keys_app, name="keys")
+app.add_typer(db_app, name="db")
+console = Console()
+complaints = Console(stderr=True)
+
+Files = Annotated[
+    list[Path], typer.Argument(help="Flight records: CSV, gzipped CSV, JSON", exists=True, dir_okay=False)
+]
+Port = Annotated[int, typer.Option(help="Port to listen on")]
+
+
+def _fail(words: str) -> typer.Exit:
+    complaints.print(f"[bold red]error:[/] {words}", highlight=False)
+    return typer.Exit(1)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        console.print(f"casedrain {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Condition monitoring of hydraulic pumps."""
+    structlog.configure(
+        processors=[
+            structlog.contextvars.merge_contextvars,
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            structlog.processors.format_exc_info,
+            structlog.processors.JSONRenderer(),
+        ],
+        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
+    )
+
+
+@app.command()
+def demo(
+    flights: Annotated[int, typer.Option(min=12, max=1000, help="Flights per pump")] = 40,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another fleet")] = 1,
+    port: Port = 8000,
+    exit_: Annotated[
+        bool, typer.Option("--exit", help="Stop after the table; exit code 1 if a verdict is wrong")
+    ] = False,
+) -> None:
+    """Simulate a small fleet, upload it through the API, show its verdicts, leave the server running."""
+    from service.demo.run import compare, free_port, served, upload_fleet  # noqa: PLC0415 - heavy, and only here
+
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(40))
+    host = "127.0.0.1"
+    settings = Settings(auth="off")
+    place = free_port(host, port)
+    console.print("Starting the service (the first start compiles the twin, a matter of seconds) …")
+    try:
+        with served(settings, host, place) as address:
+            with Client(address) as client:
+                upload_fleet(client, flights, seed, console)
+                good = compare(client, console)
+            console.print(f"Fleet page: [bold]{address}/[/]   API: {address}/openapi.json", highlight=False)
+            if not exit_:
+                console.print("The server keeps running; stop it with Ctrl-C.")
+                while True:
+                    time.sleep(3600)
+    except KeyboardInterrupt:
+        console.print("Stopped.")
+        return
+    except (RefusedError, RuntimeError, httpx.HTTPError) as error:
+        raise _fail(str(error)) from None
+    raise typer.Exit(0 if good else 1)
+
+
+@app.command()
+def serve(
+    host: Annotated[str, typer.Option(help="Address to listen on")] = "127.0.0.1",
+    port: Port = 8000,
+) -> None:
+    """Serve API and pages."""
+    from service.app import create_app, opened  # noqa: PLC0415 - heavy, and only here
+
+    settings = Settings()
+    fault = settings.binding_fault(host)
+    if fault is not None:
+        raise _fail(fault)
+    try:
+        opened(settings).database.close()
+    except Exception as error:
+        raise _fail(str(error)) from None
+    uvicorn.run(create_app(settings), host=host, port=port, access_log=False, server_header=False)
+
+
+@app.command()
+def upload(
+    files: Files,
+    url: Annotated[
+        str, typer.Option(envvar="CASEDRAIN_URL", help="Where the service listens")
+    ] = "http://127.0.0.1:8000",
+    key: Annotated[str | None, typer.Option(envvar="CASEDRAIN_KEY", help="API key")] = None,
+) -> None:
+    """Upload flight records and print a result per file."""
+    from service.monitoring.offline import content_type_of  # noqa: PLC0415 - heavy, and only here
+
+    n_refused = 0
+    with Client(url, key) as client:
+        for path in track(files, "uploading", console=complaints, transient=True):
+            try:
+                answer = client.upload(path.read_bytes(), content_type_of(path))
+            except RefusedError as error:
+                n_refused += 1
+                console.print(f"[red]refused[/]  {path}: {error}", highlight=False)
+            except httpx.HTTPError as error:
+                raise _fail(f"{url} does not answer ({error}): is `casedrain serve` running?") from None
+            else:
+                verdict = answer.get("verdict", {})
+                words = answer.get("explanation") or verdict.get("advice", "")
+                console.print(
+                    f"[green]{answer['status']}[/] {path}: {verdict.get('state', '')}. {words}", highlight=False
+                )
+    if n_refused:
+        raise _fail(f"{n_refused} of {len(files)} files were refused")
+
+
+@app.command()
+def analyse(
+    files: Files,
+    output: Annotated[Path | None, typer.Option(help="Folder for the pictures")] = None,
+    serial: Annotated[str | None, typer.Option(help="Pump serial, where the files do not say it")] = None,
+) -> None:
+    """Analyse files without a server: windows, verdict and picture per pump."""
+    from service.monitoring.offline import analyse_files  # noqa: PLC0415 - heavy, and only here
+
+    settings = Settings()
+    limits = Limits(settings.max_inflated_bytes, settings.max_rows)
+    found = analyse_files(files, limits, {"pump_serial": serial} if serial else {})
+    for path, problem in found.refused:
+        _show_refusal(path, problem)
+    for pump in found.pumps:
+        table = Table(title=f"Pump {pump.serial}")
+        for heading in ("file", "zero-flow window", "case residual [bar]", "discharge residual [bar]", "state"):
+            table.add_column(heading)
+        states = {a.record_id: a.verdict.state.value for a in pump.assessments}
+        for file in sorted(pump.files, key=lambda f: (f.observation.at, f.observation.record_id)):
+            window = file.observation.reduction.zero_flow
+            span = f"{window.start_s:.0f} to {window.end_s:.0f} s" if window else file.observation.reduction.explanation
+            numbers = [
+                f"{r.residual:+.3f} ± {1.645 * r.standard_deviation:.3f}" if r else "–"
+                for r in (file.residuals.get(c) for c in ("case_pressure_bar", "discharge_pressure_bar"))
+            ]
+            table.add_row(file.path.name, span, *numbers, states[file.observation.record_id])
+        console.print(table)
+        verdict = pump.assessments[-1].verdict
+        console.print(f"[bold]{verdict.state.value}[/], side {verdict.side.value}: {verdict.advice}", highlight=False)
+        if verdict.resolving_measurement:
+            console.print(f"What would tell: {verdict.resolving_measurement}.", highlight=False)
+        folder = output or Path()
+        folder.mkdir(parents=True, exist_ok=True)
+        picture = folder / f"{_safe(pump.serial)}-damage-identification-curve.svg"
+        picture.write_text(curve_svg(pump.curve, f"pump {pump.serial}"), encoding="utf-8")
+        console.print(f"Picture: {picture}", highlight=False)
+    if found.refused:
+        raise _fail(f"{len(found.refused)} of {len(files)} files were refused")
+
+
+@keys_app.command("create")
+def create_key(
+    role: Annotated[str, typer.Option(help="viewer, analyst or admin")],
+    operator: Annotated[str | None, typer.Option(help="Bind the key to one operator")] = None,
+    owner: Annotated[str, typer.Option(help="Who holds the key")] = "command line",
+    expires: Annotated[datetime | None, typer.Option(help="When it stops working (UTC)")] = None,
+) -> None:
+    """Make an API key and print it once."""
+    from datetime import UTC  # noqa: PLC0415
+
+    from service.app import opened  # noqa: PLC0415 - heavy, and only here
+    from service.security import new_key  # noqa: PLC0415
+
+    try:
+        context = opened(Settings())
+        with context.database.writing() as session:
+            _, key = new_key(session, owner, role, operator, expires.replace(tzinfo=UTC) if expires else None)
+    except (ValueError, RuntimeError) as error:
+        raise _fail(str(error)) from None
+    context.database.close()
+    # plain print: the key must come out unwrapped, alone on its line
+    print(key)
+
+
+@db_app.command("upgrade")
+def upgrade_database() -> None:
+    """Bring the database of the settings to the newest schema."""
+    from service.database import upgrade  # noqa: PLC0415 - heavy, and only here
+
+    settings = Settings()
+    upgrade(settings.effective_database_url)
+    console.print("The database is up to date.")
+
+
+def _show_refusal(path: Path, problem: Problem) -> None:
+    console.print(f"[red]refused[/] {path}: {problem.detail}", highlight=False)
+    for fault in problem.errors:
+        console.print(f"  {fault.where}: {fault.problem}", highlight=False, markup=False)
+
+
+def _safe(name: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in name).lstrip(".") or "pump"

@@ -1,0 +1,201 @@
+"""The pages: fleet, pump, sign-in."""
+
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup, escape
+from sqlalchemy.orm import Session
+from starlette.staticfiles import StaticFiles
+
+from detectors.curve_svg import curve_svg
+from detectors.verdict import FAULTS, TREND_METRICS, State
+from service import __version__, queries
+from service.context import SESSION_COOKIE, Context, context_of, known_principal, principal
+from service.dashboard.charts import sparkline_svg, trend_svg
+from service.errors import NotFound, Problem, Unauthenticated
+from service.monitoring.analysis import thresholds_of
+from service.monitoring.curve import curve_of
+from service.monitoring.trend import trend_of
+from service.routes.fleet import fleet
+from service.routes.pumps import shown
+from service.tables import Pump
+
+_HERE = Path(__file__).resolve().parent
+STATIC = StaticFiles(directory=_HERE / "static")
+page_router = APIRouter(include_in_schema=False)
+
+WORDS = {
+    "insufficient_data": "Baseline",
+    "healthy": "Healthy",
+    "pump_degradation": "Worn pump",
+    "compensator_fault": "Compensator",
+    "system_leakage": "Leak in circuit",
+    "drain_restriction": "Drain restricted",
+    "sensor_fault": "Sensor moved",
+    "indeterminate": "Cannot tell yet",
+}
+MARKS = {
+    "insufficient_data": "○",
+    "healthy": "✓",
+    "pump_degradation": "▲",
+    "compensator_fault": "▲",
+    "system_leakage": "◆",
+    "drain_restriction": "◆",
+    "sensor_fault": "■",
+    "indeterminate": "?",
+}
+ESTIMATE_NAMES = {
+    "pump_leakage_change_lpm": "pump leakage, change",
+    "system_leakage_change_lpm": "circuit leakage, change",
+    "pressure_setting_change_bar": "pressure setting, change",
+    "drain_resistance_change_percent": "drain resistance, change",
+    "case_flow_at_reference_lpm": "case flow at reference condition",
+}
+_TRENDS = (
+    "case_flow_at_reference_lpm",
+    "pump_leakage_change_lpm",
+    "case_residual_bar",
+    "discharge_residual_bar",
+    "system_leakage_change_lpm",
+    "drain_resistance_change_percent",
+)
+_SECURITY_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; style-src 'self'; img-src 'self' data:; form-action 'self'; "
+    "base-uri 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+_templates = Environment(
+    loader=PackageLoader("service.dashboard"),
+    autoescape=select_autoescape(default=True, default_for_string=True),
+    undefined=StrictUndefined,
+)
+_templates.globals |= {
+    "words": WORDS,
+    "marks": MARKS,
+    "estimate_names": ESTIMATE_NAMES,
+    "units": TREND_METRICS,
+    "version": __version__,
+}
+_templates.filters["day"] = lambda instant: f"{instant:%d %b %Y %H:%M} UTC" if instant else "–"
+_templates.filters["iso_day"] = lambda text: f"{text[:10]} {text[11:16]} UTC" if text else "–"
+
+
+@page_router.get("/", response_class=HTMLResponse)
+def fleet_page(request: Request) -> Response:
+    """Who needs attention, why, since when."""
+    return _page(request, _fleet_body)
+
+
+@page_router.get("/pumps/{serial}", response_class=HTMLResponse)
+def pump_page(request: Request, serial: str, operator: str | None = None) -> Response:
+    """One pump: verdict, evidence, curve, trends."""
+    return _page(request, lambda r, c: _pump_body(r, c, serial, operator))
+
+
+@page_router.get("/sign-in", response_class=HTMLResponse)
+def sign_in_page(request: Request) -> Response:
+    """Ask for a key."""
+    return _html("sign_in.html", 200, request=request, failed=False)
+
+
+@page_router.post("/sign-in")
+def sign_in(request: Request, key: str = Form()) -> Response:
+    """Keep a valid key in a session cookie that no script can read and no other site can send."""
+    context = context_of(request)
+    try:
+        known_principal(context.database, key.strip())
+    except Unauthenticated:
+        return _html("sign_in.html", 401, request=request, failed=True)
+    response = RedirectResponse("/", status_code=303)
+    secure = request.url.scheme == "https"
+    response.set_cookie(SESSION_COOKIE, key.strip(), httponly=True, samesite="strict", secure=secure)
+    return response
+
+
+@page_router.post("/sign-out")
+def sign_out() -> Response:
+    """Forget the key."""
+    response = RedirectResponse("/sign-in", status_code=303)
+    response.delete_cookie(SESSION_COOKIE)
+    return response
+
+
+def _page(request: Request, body: Any) -> Response:
+    """Render a page; its errors are pages too."""
+    try:
+        return _html(*body(request, context_of(request)))
+    except Unauthenticated:
+        return RedirectResponse("/sign-in", status_code=303)
+    except Problem as problem:
+        return _html("problem.html", int(problem.status), request=request, problem=problem)
+
+
+def _html(template: str, status: int = 200, values: dict[str, Any] | None = None, **more: Any) -> HTMLResponse:
+    text = _templates.get_template(template).render({**(values or {}), **more})
+    return HTMLResponse(text, status_code=status, headers=_SECURITY_HEADERS)
+
+
+def _fleet_body(request: Request, context: Context) -> tuple[str, int, dict[str, Any]]:
+    asker = principal(request)
+    pumps = fleet(context, asker)
+    with context.database.reading() as session:
+        for document in pumps:
+            row = queries.pump(session, asker, document["serial"], document["operator"])
+            items = trend_of(session, row, "case_flow_at_reference_lpm", None, None, 60)
+            flow = items[-1] if items else None
+            label = f"case flow at the reference condition of {row.serial} over its last {len(items)} records"
+            document["flow"] = flow
+            values = [i["value"] for i in items]
+            document["spark"] = Markup(sparkline_svg(values, escape(label))) if items else ""  # noqa: S704
+            document["link"] = f"/pumps/{quote(row.serial, '')}?operator={quote(row.operator, '')}"
+    states = [p["state"] for p in pumps]
+    counts = [(state, states.count(state)) for state in WORDS if state in states]
+    return (
+        "fleet.html",
+        200,
+        {"request": request, "pumps": pumps, "counts": counts, "auth": context.settings.auth_is_on},
+    )
+
+
+def _pump_body(
+    request: Request, context: Context, serial: str, operator: str | None
+) -> tuple[str, int, dict[str, Any]]:
+    asker = principal(request)
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        document = shown(session, [row])[0]
+        if document["records"] == 0:
+            raise NotFound(f"pump {serial} has no analysed record yet")
+        values = {
+            "request": request,
+            "pump": document,
+            "verdict": queries.verdict(session, row),
+            "changes": queries.verdict_changes(session, row)[::-1],
+            "curve": Markup(curve_svg(curve_of(session, row, None, None, None).curve, f"pump {serial}")),  # noqa: S704
+            "trends": _trends(session, row),
+            "faults": [State.HEALTHY, *FAULTS],
+            "api": f"/api/v1/pumps/{quote(serial, '')}",
+            "auth": context.settings.auth_is_on,
+        }
+    return "pump.html", 200, values
+
+
+def _trends(session: Session, row: Pump) -> list[dict[str, Any]]:
+    limit = thresholds_of(session, row.operator, row.serial, row.pump_type).values["case_flow_limit_lpm"]
+    found = []
+    for metric in _TRENDS:
+        items = trend_of(session, row, metric, None, None, 400)
+        if not items:
+            continue
+        title = ESTIMATE_NAMES.get(metric) or metric.rsplit("_", 1)[0].replace("_", " ")
+        line = limit if metric == "case_flow_at_reference_lpm" else None
+        svg = Markup(trend_svg(title, TREND_METRICS[metric], items, line))  # noqa: S704
+        found.append({"title": title, "unit": TREND_METRICS[metric], "svg": svg, "items": items[::-1]})
+    return found

@@ -1,0 +1,86 @@
+"""Run the demo: serve, simulate, upload through the API, compare verdicts with the truth."""
+
+import contextlib
+import socket
+import threading
+import time
+from collections.abc import Iterator
+
+import uvicorn
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from service.app import create_app
+from service.client import Client
+from service.dashboard.pages import WORDS
+from service.demo.fleet import PUMPS, fleet_records, is_right
+from service.settings import Settings
+
+START_TIMEOUT_S = 120.0
+
+
+def free_port(host: str, wanted: int) -> int:
+    """``wanted`` if nobody listens there, else a port that is free."""
+    with socket.socket() as probe:
+        if probe.connect_ex((host, wanted)) != 0:
+            return wanted
+    with socket.socket() as probe:
+        probe.bind((host, 0))
+        return int(probe.getsockname()[1])
+
+
+@contextlib.contextmanager
+def served(settings: Settings, host: str, port: int) -> Iterator[str]:
+    """Serve the application in a thread while the block runs; gives its address.
+
+    Raises
+    ------
+    RuntimeError
+        when it does not get ready in time.
+    """
+    config = uvicorn.Config(create_app(settings), host=host, port=port, log_level="warning", access_log=False)
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, name="server", daemon=True)
+    thread.start()
+    address = f"http://{host}:{port}"
+    try:
+        with Client(address, retries=0, timeout_s=5.0) as client:
+            give_up = time.monotonic() + START_TIMEOUT_S
+            while not client.is_ready():
+                if time.monotonic() > give_up or not thread.is_alive():
+                    raise RuntimeError(f"the server did not get ready on {address}")
+                time.sleep(0.1)
+        yield address
+    finally:
+        server.should_exit = True
+        thread.join(timeout=10.0)
+
+
+def upload_fleet(client: Client, n_flights: int, seed: int, console: Console) -> None:
+    """Simulate the fleet and upload every record, with a progress bar."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("flights uploaded", total=n_flights * len(PUMPS))
+        for record in fleet_records(n_flights, seed):
+            client.upload(record.content)
+            progress.advance(task)
+
+
+def compare(client: Client, console: Console) -> bool:
+    """Print every pump's verdict beside the truth; True when no healthy pump is accused and all others are right."""
+    table = Table(title="Verdicts beside the truth")
+    for heading in ("pump", "where", "truth", "verdict", "side", "probability", "agrees"):
+        table.add_column(heading)
+    good = True
+    for pump in PUMPS:
+        verdict = client.verdict(pump.serial)
+        right = is_right(pump.truth, verdict)
+        good = good and right
+        words = WORDS[verdict["state"]]
+        if verdict["candidates"]:
+            words += ": " + " or ".join(WORDS[c].lower() for c in verdict["candidates"])
+        row = (pump.serial, f"{pump.aircraft} {pump.position}", pump.truth.words, words, verdict["side"])
+        table.add_row(*row, f"{verdict['confidence']:.2f}", "yes" if right else "NO")
+    console.print(table)
+    return good

@@ -1,0 +1,61 @@
+"""JSON: metadata beside ``channels``, an object of equally long arrays."""
+
+import json
+from typing import Any
+
+import numpy as np
+
+from service.errors import Fault, TooLarge, Undecodable
+from service.ingest.raw import MOST_FAULTS_OF_A_KIND, RawRecord, capped
+
+CONTENT_TYPES = ("application/json",)
+
+
+def parsed(content: bytes, max_rows: int) -> RawRecord:
+    """Read a JSON record; every bad sample becomes a fault with its channel and index.
+
+    Raises
+    ------
+    Undecodable
+        when it is not a JSON object.
+    TooLarge
+        when a channel has more than ``max_rows`` samples.
+    """
+    try:
+        document = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise Undecodable("the body is not JSON", [Fault("body", str(error)[:200])]) from None
+    if not isinstance(document, dict):
+        raise Undecodable("the body must be a JSON object", [Fault("body", f"is a {type(document).__name__}")])
+    metadata = {k: v for k, v in document.items() if k != "channels"}
+    raw = document.get("channels")
+    if not isinstance(raw, dict):
+        what = "is missing" if raw is None else f"is a {type(raw).__name__}, not an object of arrays"
+        return RawRecord(metadata, {}, [Fault("channels", what)])
+    channels, faults = {}, []
+    for name, samples in raw.items():
+        if not isinstance(samples, list):
+            faults.append(Fault(f"channels.{name}", f"is a {type(samples).__name__}, not an array"))
+            continue
+        if len(samples) > max_rows:
+            raise TooLarge(f"channel {name} has more than {max_rows} samples")
+        channels[name], bad = _numbers(name, samples)
+        faults += bad
+    return RawRecord(metadata, channels, faults)
+
+
+def _numbers(name: str, samples: list[Any]) -> tuple[Any, list[Fault]]:
+    values = np.full(len(samples), np.nan)
+    faults: list[Fault] = []
+    n_bad = 0
+    for i, sample in enumerate(samples):
+        if isinstance(sample, (int, float)) and not isinstance(sample, bool):
+            try:
+                values[i] = sample
+            except OverflowError:
+                values[i] = np.inf
+        elif sample is not None:
+            n_bad += 1
+            if n_bad <= MOST_FAULTS_OF_A_KIND:
+                faults.append(Fault(f"channels.{name}[{i}]", f"{json.dumps(sample)[:40]} is not a number"))
+    return values, capped(faults, n_bad - MOST_FAULTS_OF_A_KIND, "samples that are not numbers", f"channels.{name}")

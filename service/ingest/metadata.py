@@ -1,0 +1,125 @@
+"""Metadata of a flight record: what it must say, what it may say, and what is wrong with it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from service.errors import Fault
+from twin.pumps import PUMP_TYPES
+from twin.units import STANDARD_ATMOSPHERE_BAR
+
+TEXTS_REQUIRED = ("pump_serial", "aircraft", "position", "flight_id")
+TEXTS_OPTIONAL = ("segment", "pump_type", "operator")
+KNOWN = (
+    *TEXTS_REQUIRED,
+    *TEXTS_OPTIONAL,
+    "started_at",
+    "flight_hours",
+    "pressure_reference",
+    "ambient_pressure_bar",
+)
+_LONGEST_TEXT = 200
+
+
+@dataclass(frozen=True, slots=True)
+class RecordMetadata:
+    """Checked metadata of one record; pressures of the record are relative to ``ambient_pressure_bar``."""
+
+    pump_serial: str
+    aircraft: str
+    position: str
+    flight_id: str
+    started_at: datetime
+    segment: str
+    pump_type: str | None
+    operator: str | None
+    flight_hours: float | None
+    pressure_reference: str
+    ambient_pressure_bar: float
+    foreign: Mapping[str, Any]
+
+
+def checked_metadata(values: Mapping[str, Any]) -> tuple[RecordMetadata | None, list[Fault]]:
+    """Metadata with every fault in it; None when there is any."""
+    faults: list[Fault] = []
+    texts = {
+        name: _text(name, values.get(name), name in TEXTS_REQUIRED, faults)
+        for name in (*TEXTS_REQUIRED, *TEXTS_OPTIONAL)
+    }
+    if texts["pump_type"] and texts["pump_type"] not in PUMP_TYPES:
+        faults.append(
+            Fault("pump_type", f"{texts['pump_type']!r} is not known; known: {', '.join(sorted(PUMP_TYPES))}")
+        )
+    started_at = _instant(values.get("started_at"), faults)
+    hours = _number("flight_hours", values.get("flight_hours"), 0.0, 1e6, faults)
+    reference = str(values.get("pressure_reference") or "gauge")
+    if reference not in ("gauge", "absolute"):
+        faults.append(Fault("pressure_reference", f"{reference!r} is neither gauge nor absolute"))
+    ambient = _number("ambient_pressure_bar", values.get("ambient_pressure_bar"), 0.2, 1.2, faults)
+    if reference == "absolute" and ambient is None:
+        faults.append(Fault("ambient_pressure_bar", "is needed when pressures are absolute"))
+    if faults or started_at is None:
+        return None, faults
+    return RecordMetadata(
+        pump_serial=texts["pump_serial"] or "",
+        aircraft=texts["aircraft"] or "",
+        position=texts["position"] or "",
+        flight_id=texts["flight_id"] or "",
+        started_at=started_at,
+        segment=texts["segment"] or "",
+        pump_type=texts["pump_type"],
+        operator=texts["operator"],
+        flight_hours=hours,
+        pressure_reference=reference,
+        ambient_pressure_bar=STANDARD_ATMOSPHERE_BAR if ambient is None else ambient,
+        foreign={k: v for k, v in values.items() if k not in KNOWN},
+    ), []
+
+
+def _text(name: str, value: Any, required: bool, faults: list[Fault]) -> str | None:
+    if value is None or (isinstance(value, str) and not value.strip()):
+        if required:
+            faults.append(Fault(name, "is missing"))
+        return None
+    if not isinstance(value, (str, int)) or isinstance(value, bool):
+        faults.append(Fault(name, f"is a {type(value).__name__}, not text"))
+        return None
+    text = str(value).strip()
+    if len(text) > _LONGEST_TEXT or any(ord(c) < 32 for c in text):
+        faults.append(Fault(name, f"is longer than {_LONGEST_TEXT} characters or holds control characters"))
+        return None
+    return text
+
+
+def _instant(value: Any, faults: list[Fault]) -> datetime | None:
+    if value is None or value == "":
+        faults.append(Fault("started_at", "is missing"))
+        return None
+    try:
+        instant = datetime.fromisoformat(str(value))
+    except ValueError:
+        faults.append(Fault("started_at", f"{str(value)[:40]!r} is not an instant like 2026-05-02T07:11:00Z"))
+        return None
+    if instant.tzinfo is None:
+        faults.append(Fault("started_at", f"{value!r} has no time zone: write Z for UTC"))
+        return None
+    try:
+        return instant.astimezone(UTC)
+    except OverflowError:
+        faults.append(Fault("started_at", f"{value!r} is outside the calendar"))
+        return None
+
+
+def _number(name: str, value: Any, low: float, high: float, faults: list[Fault]) -> float | None:
+    if value is None or value == "":
+        return None
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not low <= number <= high:
+        faults.append(Fault(name, f"{str(value)[:40]!r} is not a number between {low:g} and {high:g}"))
+        return None
+    return number

@@ -1,0 +1,141 @@
+"""Checks of the channels: every fault with its place; units that cannot be right by their medians, not by spikes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from service.errors import Fault
+from service.ingest.raw import MOST_FAULTS_OF_A_KIND, RawRecord, capped
+from twin.parameters import PumpType
+from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, TIME
+
+Samples = NDArray[np.float64]
+
+SHORTEST = 2
+_RUNNING_RPM = 200.0
+_LOWEST_OPERATING_FRACTION = 0.15
+"""A pump whose rotor turns is faster than this share of nominal; below it and above standstill sits a wrong unit."""
+# medians outside these cannot be what the name says; generous, so that a broken sensor is not taken for a unit
+_LIMITS: dict[str, tuple[float, float]] = {
+    "fluid_temperature_degc": (-60.0, 180.0),
+    "reservoir_pressure_bar": (-1.1, 20.0),
+    "case_pressure_bar": (-1.1, 50.0),
+    "discharge_pressure_bar": (-1.1, 700.0),
+    "shaft_speed_rpm": (-100.0, 20_000.0),
+    "case_flow_lpm": (-5.0, 100.0),
+    "discharge_flow_lpm": (-5.0, 200.0),
+    "commanded_flow_lpm": (-5.0, 200.0),
+}
+
+
+def channel_faults(raw: RawRecord, pump: PumpType) -> list[Fault]:
+    """Every fault of the channels: missing, empty, unequal, unordered, in a wrong unit."""
+    faults = [Fault(f"channels.{n}", "is missing") for n in REQUIRED_CHANNELS if n not in raw.channels]
+    known = [n for n in (*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS) if n in raw.channels]
+    lengths = {n: len(raw.channels[n]) for n in raw.channels}
+    if len(set(lengths.values())) > 1:
+        usual = lengths.get(TIME, max(lengths.values()))
+        faults += [
+            Fault(f"channels.{n}", f"has {k} samples, {TIME if TIME in lengths else 'another channel'} has {usual}")
+            for n, k in lengths.items()
+            if k != usual
+        ]
+    if TIME in raw.channels:
+        faults += _time_faults(raw.channels[TIME])
+    for name in known:
+        samples = raw.channels[name]
+        if name == TIME or len(samples) == 0:
+            continue
+        if np.isinf(samples).any():
+            faults.append(Fault(f"channels.{name}[{int(np.argmax(np.isinf(samples)))}]", "is infinite"))
+        if np.isnan(samples).all():
+            faults.append(Fault(f"channels.{name}", "holds no number at all"))
+    return faults + unit_faults({n: raw.channels[n] for n in known}, pump)
+
+
+def _time_faults(time: Samples) -> list[Fault]:
+    if len(time) < SHORTEST:
+        return [Fault(f"channels.{TIME}", f"has {len(time)} samples; at least {SHORTEST} are needed")]
+    faults = []
+    if not np.isfinite(time).all():
+        places = np.flatnonzero(~np.isfinite(time))
+        faults.append(Fault(f"channels.{TIME}[{int(places[0])}]", f"is not a number ({len(places)} such samples)"))
+    steps = np.flatnonzero(np.diff(time) <= 0.0)
+    backwards = [
+        Fault(f"channels.{TIME}[{int(i) + 1}]", f"does not increase: {time[i + 1]:g} s after {time[i]:g} s")
+        for i in steps[:MOST_FAULTS_OF_A_KIND]
+    ]
+    return faults + capped(backwards, len(steps) - MOST_FAULTS_OF_A_KIND, "steps back in time", f"channels.{TIME}")
+
+
+def unit_faults(channels: dict[str, Samples], pump: PumpType) -> list[Fault]:
+    """Channels whose typical value cannot be in the unit of their name, with a guess at the unit they are in."""
+    faults = []
+    for name, (low, high) in _LIMITS.items():
+        level = _median(channels.get(name))
+        if level is None:
+            continue
+        if not low <= level <= high:
+            text = f"is {level:g} in the middle, which cannot be {_unit(name)}{_guess(name, level)}"
+            faults.append(Fault(f"channels.{name}", text))
+    return faults + _running_faults(channels, pump)
+
+
+def _running_faults(channels: dict[str, Samples], pump: PumpType) -> list[Fault]:
+    """Faults that only a running pump shows: speed in another unit, pressures a hundred times too small."""
+    pressure, speed = channels.get("discharge_pressure_bar"), channels.get("shaft_speed_rpm")
+    if pressure is None or speed is None or len(pressure) != len(speed):
+        return []
+    setting = pump.limits["zero_flow_pressure_low_bar"].value
+    faults = []
+    with np.errstate(invalid="ignore"):
+        pressurised = pressure > 0.5 * setting
+        turning = np.abs(speed) > _RUNNING_RPM
+    if pressurised.mean() > 0.1:
+        level = _median(np.abs(speed[pressurised]))
+        slowest = _LOWEST_OPERATING_FRACTION * pump.nominal_speed_rpm
+        if level is not None and 1.0 < level < slowest:
+            faults.append(
+                Fault(
+                    "channels.shaft_speed_rpm",
+                    f"is {level:g} while the pump delivers pressure, which cannot be rpm{_speed_guess(level, pump)}",
+                )
+            )
+    fast = turning & (np.abs(speed) > 0.5 * pump.nominal_speed_rpm)
+    if fast.mean() > 0.1:
+        level = _median(pressure[fast])
+        if level is not None and 0.8 * 0.1 * setting < level < 1.3 * 0.1 * setting:
+            text = f"is {level:g} while the pump runs, which cannot be bar: it looks like MPa"
+            faults.append(Fault("channels.discharge_pressure_bar", text))
+    return faults
+
+
+def _median(samples: Samples | None) -> float | None:
+    if samples is None:
+        return None
+    known = samples[np.isfinite(samples)]
+    return float(np.median(known)) if len(known) else None
+
+
+def _unit(name: str) -> str:
+    return {"bar": "bar", "degc": "degC", "rpm": "rpm", "lpm": "L/min"}[name.rsplit("_", 1)[1]]
+
+
+def _guess(name: str, level: float) -> str:
+    if name == "fluid_temperature_degc" and 230.0 < level < 420.0:
+        return ": it looks like K"
+    if name.endswith("_bar"):
+        if abs(level) > 2.0e4:
+            return ": it looks like Pa"
+        if name == "case_pressure_bar" and 100.0 < level < 260.0:
+            return ": it looks like discharge pressure, or kPa"
+        if name == "discharge_pressure_bar" and level > 1000.0:
+            return ": it looks like psi or kPa"
+    return ""
+
+
+def _speed_guess(level: float, pump: PumpType) -> str:
+    nominal = pump.nominal_speed_rpm
+    for unit, factor in (("Hz", 60.0), ("rad/s", 9.549297), ("percent of nominal speed", nominal / 100.0)):
+        if 0.7 < level * factor / nominal < 1.3:
+            return f": it looks like {unit}"
+    return ""

@@ -1,0 +1,296 @@
+"""Accepting an upload: safe before it is acknowledged, known when it comes again, refused as a whole or not at all."""
+
+import hashlib
+import json
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from service.database import Database
+from service.errors import Conflict, Fault, Invalid, NotFound, Problem
+from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord, Limits, decode
+from service.monitoring.analysis import analysed, refold, thresholds_of
+from service.raw_store import RawStore, content_hash
+from service.security import Principal
+from service.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """One upload as it came; ``overrides`` are metadata of the request, which win over those of the file."""
+
+    content: bytes
+    content_type: str
+    content_encoding: str
+    overrides: Mapping[str, str]
+    supersedes: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """Id of the record, and whether it was known before."""
+
+    record_id: str
+    known: bool
+
+
+class Acceptance:
+    """Takes uploads into one database and one raw store."""
+
+    def __init__(self, database: Database, raw_store: RawStore, limits: Limits) -> None:
+        self._database = database
+        self._raw_store = raw_store
+        self._limits = limits
+
+    def accept(self, upload: Upload, principal: Principal) -> Accepted:
+        """Check, store and analyse an upload before answering.
+
+        Raises
+        ------
+        Problem
+            with every fault; nothing is stored then but the fact of the refusal.
+        """
+        operator = principal.operator_of(upload.overrides.get("operator"))
+        request_hash = _request_hash(operator, upload)
+        known = self._known(request_hash)
+        if known is not None:
+            return Accepted(known, known=True)
+        try:
+            decoded = self._decoded(upload, operator)
+            operator = principal.operator_of(decoded.metadata.operator)
+            return self._store(upload, decoded, operator, request_hash)
+        except Problem as problem:
+            self._refuse(upload, operator, problem)
+            raise
+
+    def store(self, upload: Upload, principal: Principal) -> Accepted:
+        """Store an upload and answer at once; ``process`` analyses it later."""
+        operator = principal.operator_of(upload.overrides.get("operator"))
+        request_hash = _request_hash(operator, upload)
+        known = self._known(request_hash)
+        if known is not None:
+            return Accepted(known, known=True)
+        if not upload.content:
+            self._decoded(upload, operator)  # raises what an empty body deserves
+        return Accepted(*self._keep(upload, operator, request_hash))
+
+    def _keep(self, upload: Upload, operator: str, request_hash: str) -> tuple[str, bool]:
+        """Keep the bytes and commit a ``stored`` row: its id, and whether another upload was there first."""
+        digest = self._raw_store.put(upload.content)
+        row = _new_row(upload, operator, digest, request_hash)
+        try:
+            with self._database.writing() as session:
+                refused = session.get(Record, row.id)
+                if refused is not None and refused.status == REFUSED:
+                    session.delete(refused)
+                    session.flush()
+                session.add(row)
+        except IntegrityError:
+            return row.id, True
+        return row.id, False
+
+    def pending(self) -> list[str]:
+        """Ids of records that are stored but not analysed yet, oldest first."""
+        with self._database.reading() as session:
+            query = select(Record.id).where(Record.status == STORED).order_by(Record.received_at, Record.id)
+            return list(session.scalars(query))
+
+    def process(self, record_id: str) -> None:
+        """Analyse a stored record: it becomes ``analysed`` or ``refused``. Safe to repeat."""
+        with self._database.reading() as session:
+            row = session.get(Record, record_id)
+            if row is None or row.status != STORED:
+                return
+        content = self._raw_store.get(row.content_hash)
+        request = row.request
+        upload = Upload(content, row.content_type, request["encoding"], request["overrides"], row.supersedes)
+        try:
+            decoded = self._decoded(upload, row.operator)
+            if decoded.metadata.operator not in (None, row.operator):
+                raise Invalid("the file names another operator", [Fault("operator", "is not the uploader's")])
+            self._finish(record_id, decoded, row.operator)
+        except Problem as problem:
+            with self._database.writing() as session:
+                stored = session.get(Record, record_id)
+                if stored is not None and stored.status == STORED:
+                    stored.status, stored.problem = REFUSED, problem.body()
+
+    def _decoded(self, upload: Upload, operator: str) -> DecodedRecord:
+        def registered(named: str | None, serial: str) -> str | None:
+            with self._database.reading() as session:
+                query = select(Pump.pump_type).where(Pump.operator == (named or operator), Pump.serial == serial)
+                return session.scalar(query)
+
+        return decode(
+            upload.content, upload.content_type, upload.content_encoding, upload.overrides, self._limits, registered
+        )
+
+    def _known(self, request_hash: str) -> str | None:
+        with self._database.reading() as session:
+            query = select(Record.id).where(Record.request_hash == request_hash, Record.status != REFUSED)
+            return session.scalar(query.order_by(Record.received_at).limit(1))
+
+    def _store(self, upload: Upload, decoded: DecodedRecord, operator: str, request_hash: str) -> Accepted:
+        identity = _identity_hash(operator, content_hash(upload.content), decoded)
+        with self._database.reading() as session:
+            known = session.scalar(select(Record.id).where(Record.identity_hash == identity))
+            if known is not None:
+                return Accepted(known, known=True)
+            _check_flight(session, decoded, operator, upload.supersedes)
+        record_id, known_now = self._keep(upload, operator, request_hash)
+        if known_now:
+            return Accepted(record_id, known=True)
+        # the bytes are safe from here on; a crash leaves a stored record that the next start analyses
+        try:
+            self._finish(record_id, decoded, operator)
+        except Problem:
+            with self._database.writing() as session:
+                stored = session.get(Record, record_id)
+                if stored is not None:
+                    session.delete(stored)
+            with self._database.reading() as session:
+                known = session.scalar(select(Record.id).where(Record.identity_hash == identity))
+            if known is not None:
+                return Accepted(known, known=True)
+            raise
+        return Accepted(record_id, known=False)
+
+    def _finish(self, record_id: str, decoded: DecodedRecord, operator: str) -> None:
+        """Analyse, then store everything about the record and its pump's new verdicts in one transaction."""
+        metadata = decoded.metadata
+        kind = metadata.pump_type or DEFAULT_PUMP_TYPE
+        with self._database.reading() as session:
+            held = _pump(session, operator, metadata.pump_serial)
+            kind = metadata.pump_type or (held.pump_type if held else DEFAULT_PUMP_TYPE)
+            thresholds = thresholds_of(session, operator, metadata.pump_serial, kind)
+        analysis = analysed(decoded.recording, kind, thresholds)
+        try:
+            with self._database.writing() as session:
+                pump = _locked_pump(session, operator, metadata.pump_serial, kind)
+                row = session.get(Record, record_id, populate_existing=True)
+                if row is None or row.status != STORED:
+                    return
+                _check_flight(session, decoded, operator, row.supersedes)
+                if row.supersedes:
+                    older = session.get(Record, row.supersedes)
+                    if older is not None:
+                        older.status = SUPERSEDED
+                        session.flush()
+                row.pump_id = pump.id
+                row.aircraft, row.position = metadata.aircraft, metadata.position
+                row.flight_id, row.segment = metadata.flight_id, metadata.segment
+                row.started_at, row.flight_hours = metadata.started_at, metadata.flight_hours
+                row.attributes = dict(decoded.recording.attributes)
+                row.identity_hash = _identity_hash(operator, row.content_hash, decoded)
+                row.reduction, row.residuals = analysis.reduction, analysis.residuals
+                row.status = ANALYSED
+                session.flush()
+                refold(session, pump)
+        except IntegrityError:
+            raise Conflict(
+                "the same flight, pump and segment was stored at the same moment by another upload"
+            ) from None
+
+    def _refuse(self, upload: Upload, operator: str, problem: Problem) -> None:
+        with self._database.writing() as session:
+            session.add(
+                Refusal(
+                    id=uuid.uuid4().hex,
+                    operator=operator,
+                    content_hash=content_hash(upload.content),
+                    received_at=datetime.now(UTC),
+                    problem=problem.body(),
+                )
+            )
+
+
+def _new_row(upload: Upload, operator: str, digest: str, request_hash: str) -> Record:
+    return Record(
+        # a function of what was uploaded, so that records of one instant fold in the same order everywhere
+        id=request_hash[:32],
+        operator=operator,
+        segment="",
+        request={"encoding": upload.content_encoding, "overrides": dict(upload.overrides)},
+        attributes={},
+        content_hash=digest,
+        content_type=upload.content_type,
+        status=STORED,
+        request_hash=request_hash,
+        supersedes=upload.supersedes,
+        received_at=datetime.now(UTC),
+    )
+
+
+def _pump(session: Session, operator: str, serial: str) -> Pump | None:
+    return session.scalar(select(Pump).where(Pump.operator == operator, Pump.serial == serial))
+
+
+def _locked_pump(session: Session, operator: str, serial: str, kind: str) -> Pump:
+    """The pump's row, locked until the transaction ends; made, unconfirmed, when it is not known."""
+    values = {
+        "operator": operator,
+        "serial": serial,
+        "pump_type": kind,
+        "confirmed": False,
+        "created_at": datetime.now(UTC),
+    }
+    insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
+    session.execute(insert(Pump).values(**values).on_conflict_do_nothing(index_elements=["operator", "serial"]))
+    query = select(Pump).where(Pump.operator == operator, Pump.serial == serial).with_for_update()
+    return session.scalars(query.execution_options(populate_existing=True)).one()
+
+
+def _check_flight(session: Session, decoded: DecodedRecord, operator: str, supersedes: str | None) -> None:
+    """Refuse a second record for the same flight, pump and segment unless it supersedes the first."""
+    metadata = decoded.metadata
+    pump = _pump(session, operator, metadata.pump_serial)
+    held = None
+    if pump is not None:
+        held = session.scalar(
+            select(Record).where(
+                Record.pump_id == pump.id,
+                Record.flight_id == metadata.flight_id,
+                Record.segment == metadata.segment,
+                Record.status == ANALYSED,
+            )
+        )
+    if supersedes is not None:
+        older = session.get(Record, supersedes)
+        if older is None or older.operator != operator:
+            raise NotFound(f"there is no record {supersedes} to supersede")
+        if held is None or held.id != supersedes:
+            raise Conflict(f"record {supersedes} is not the one that counts for this flight, pump and segment")
+    elif held is not None:
+        raise Conflict(
+            f"record {held.id} already stands for flight {metadata.flight_id} of pump {metadata.pump_serial}: "
+            f"repeat with ?supersedes={held.id} to replace it",
+            extra={"record_id": held.id},
+        )
+
+
+def _request_hash(operator: str, upload: Upload) -> str:
+    parts = {
+        "operator": operator,
+        "bytes": content_hash(upload.content),
+        "type": upload.content_type.partition(";")[0].strip().lower(),
+        "encoding": upload.content_encoding.strip().lower(),
+        "overrides": dict(sorted(upload.overrides.items())),
+        "supersedes": upload.supersedes,
+    }
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+def _identity_hash(operator: str, digest: str, decoded: DecodedRecord) -> str:
+    metadata = decoded.metadata
+    effective: dict[str, Any] = {
+        name: str(getattr(metadata, name)) for name in metadata.__slots__ if name not in ("foreign", "operator")
+    }
+    parts = {"operator": operator, "bytes": digest, "metadata": effective}
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,49 @@
+"""Reductions, residuals and verdicts as JSON and back."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from detectors.observation import Reduction, Residual
+from detectors.verdict import Estimate, Verdict
+
+_REDUCTION = TypeAdapter(Reduction)
+_RESIDUALS = TypeAdapter(dict[str, Residual])
+_VERDICT = TypeAdapter(Verdict)
+_TREND = TypeAdapter(dict[str, Estimate])
+
+
+def _dumped(adapter: TypeAdapter[Any], value: Any) -> Any:
+    # through text, so that NaN becomes null on both databases
+    return json.loads(adapter.dump_json(value))
+
+
+def reduction_to_json(reduction: Reduction) -> dict[str, Any]:
+    """Reduction as a JSON object."""
+    document: dict[str, Any] = _dumped(_REDUCTION, reduction)
+    return document
+
+
+def reduction_from_json(document: Mapping[str, Any]) -> Reduction:
+    """Inverse of ``reduction_to_json``."""
+    return _REDUCTION.validate_python(document)
+
+
+def residuals_to_json(residuals: Mapping[str, Residual]) -> dict[str, Any]:
+    """Residuals by channel as a JSON object."""
+    document: dict[str, Any] = _dumped(_RESIDUALS, dict(residuals))
+    return document
+
+
+def trend_to_json(trend: Mapping[str, Estimate]) -> dict[str, Any]:
+    """Trend points by metric as a JSON object."""
+    document: dict[str, Any] = _dumped(_TREND, dict(trend))
+    return document
+
+
+def verdict_to_json(verdict: Verdict, twin_version: str, threshold_version: int) -> dict[str, Any]:
+    """Verdict in the shape of the API."""
+    document: dict[str, Any] = _dumped(_VERDICT, verdict)
+    return document | {"twin_version": twin_version, "threshold_version": threshold_version}

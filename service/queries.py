@@ -1,0 +1,168 @@
+"""Reading: the questions that routes and pages ask of the database."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import Select, func, select, tuple_
+from sqlalchemy.orm import Session
+
+from service.errors import NotFound
+from service.monitoring.analysis import empty_verdict, thresholds_of
+from service.security import Principal
+from service.tables import Pump, Record, StoredAssessment
+
+
+def record(session: Session, principal: Principal, record_id: str) -> Record:
+    """One record.
+
+    Raises
+    ------
+    NotFound
+        when there is none that this principal may see.
+    """
+    row = session.get(Record, record_id)
+    if row is None or principal.operator not in (None, row.operator):
+        raise NotFound(f"there is no record {record_id}")
+    return row
+
+
+def pump(session: Session, principal: Principal, serial: str, operator: str | None) -> Pump:
+    """One pump by serial number, within the operator's own.
+
+    Raises
+    ------
+    NotFound
+        when there is none that this principal may see, or several operators have one and none was named.
+    """
+    query = select(Pump).where(Pump.serial == serial)
+    wanted = principal.operator or operator
+    if wanted is not None:
+        query = query.where(Pump.operator == wanted)
+    rows = session.scalars(query.limit(2)).all()
+    if len(rows) > 1:
+        raise NotFound(f"several operators have a pump {serial}: name one with ?operator=")
+    if not rows or (operator is not None and rows[0].operator != operator):
+        raise NotFound(f"there is no pump {serial}")
+    return rows[0]
+
+
+def records(
+    principal: Principal,
+    *,
+    serial: str | None = None,
+    since: datetime | None = None,
+    until: datetime | None = None,
+    status: str | None = None,
+    after: Sequence[Any] | None = None,
+) -> Select[Record, str | None]:
+    """Records with their pump's serial, newest received first."""
+    query = select(Record, Pump.serial).outerjoin(Pump, Record.pump_id == Pump.id)
+    if principal.operator is not None:
+        query = query.where(Record.operator == principal.operator)
+    if serial is not None:
+        query = query.where(Pump.serial == serial)
+    if since is not None:
+        query = query.where(Record.started_at >= since)
+    if until is not None:
+        query = query.where(Record.started_at < until)
+    if status is not None:
+        query = query.where(Record.status == status)
+    if after is not None:
+        place = (datetime.fromisoformat(after[0]), after[1])
+        query = query.where(tuple_(Record.received_at, Record.id) < place)
+    return query.order_by(Record.received_at.desc(), Record.id.desc())
+
+
+def pumps(principal: Principal, after: Sequence[Any] | None = None) -> Select[Pump]:
+    """Pumps by operator and serial."""
+    query = select(Pump)
+    if principal.operator is not None:
+        query = query.where(Pump.operator == principal.operator)
+    if after is not None:
+        query = query.where(tuple_(Pump.operator, Pump.serial) > tuple(after))
+    return query.order_by(Pump.operator, Pump.serial)
+
+
+def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAssessment]:
+    """A pump's assessments in event order."""
+    query = select(StoredAssessment).where(StoredAssessment.pump_id == pump_id)
+    if until is not None:
+        query = query.where(StoredAssessment.at <= until)
+    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
+
+
+def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
+    """The newest assessment of each pump that has one."""
+    newest = (
+        select(
+            StoredAssessment.record_id,
+            func.row_number()
+            .over(
+                partition_by=StoredAssessment.pump_id,
+                order_by=(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()),
+            )
+            .label("place"),
+        )
+        .where(StoredAssessment.pump_id.in_(pump_ids))
+        .subquery()
+    )
+    query = select(StoredAssessment).join(newest, newest.c.record_id == StoredAssessment.record_id)
+    return {a.pump_id: a for a in session.scalars(query.where(newest.c.place == 1))}
+
+
+def verdict(session: Session, row: Pump, at: datetime | None = None) -> dict[str, Any]:
+    """Verdict of a pump now or at an event time, in the shape of the API."""
+    query = select(StoredAssessment).where(StoredAssessment.pump_id == row.id)
+    if at is not None:
+        query = query.where(StoredAssessment.at <= at)
+    last = session.scalar(query.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(1))
+    if last is not None:
+        return last.verdict
+    return empty_verdict(row.pump_type, thresholds_of(session, row.operator, row.serial, row.pump_type))
+
+
+def verdict_changes(session: Session, row: Pump) -> list[StoredAssessment]:
+    """The assessments at which the pump's state changed, in event order."""
+    changes: list[StoredAssessment] = []
+    for assessment in session.scalars(assessments(row.id)):
+        if not changes or changes[-1].state != assessment.state:
+            changes.append(assessment)
+    return changes
+
+
+def n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:
+    """Number of records that count, by pump."""
+    query = select(StoredAssessment.pump_id, func.count()).where(StoredAssessment.pump_id.in_(pump_ids))
+    return {pump_id: int(n) for pump_id, n in session.execute(query.group_by(StoredAssessment.pump_id))}
+
+
+def last_record(session: Session, pump_id: int) -> Record | None:
+    """The pump's newest record that counts."""
+    query = select(Record).join(StoredAssessment, StoredAssessment.record_id == Record.id)
+    query = query.where(StoredAssessment.pump_id == pump_id)
+    return session.scalar(query.order_by(Record.started_at.desc(), Record.id.desc()).limit(1))
+
+
+@dataclass(frozen=True, slots=True)
+class AssessmentOfRecord:
+    """What was known right after one record."""
+
+    serial: str
+    verdict: dict[str, Any]
+
+
+def assessment_of(session: Session, record_id: str) -> AssessmentOfRecord:
+    """Assessment right after one analysed record.
+
+    Raises
+    ------
+    NotFound
+        when the record is not assessed.
+    """
+    query = select(Pump.serial, StoredAssessment.verdict).join(StoredAssessment, StoredAssessment.pump_id == Pump.id)
+    found = session.execute(query.where(StoredAssessment.record_id == record_id)).first()
+    if found is None:
+        raise NotFound(f"record {record_id} has no verdict")
+    return AssessmentOfRecord(found[0], found[1])

@@ -1,0 +1,196 @@
+"""Records: upload, list, look up, fetch back."""
+
+from datetime import datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from service import queries
+from service.context import Asker, Context, ContextOf
+from service.errors import Fault, Invalid, TooLarge
+from service.ingest.metadata import KNOWN
+from service.monitoring.acceptance import Upload
+from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+from service.security import Principal
+from service.tables import ANALYSED, Record
+
+router = APIRouter(prefix="/records", tags=["records"])
+_CONTROLS = ("wait", "supersedes", "mapping")
+
+
+@router.post(
+    "",
+    status_code=201,
+    summary="Upload one flight record",
+    responses={200: {"description": "Known already"}, 202: {"description": "Stored, not analysed yet"}},
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {kind: {} for kind in ("application/json", "text/csv", "application/gzip")},
+        }
+    },
+)
+async def upload(
+    request: Request,
+    response: Response,
+    background: BackgroundTasks,
+    context: ContextOf,
+    asker: Asker,
+    wait: Annotated[bool, Query(description="Answer after the analysis")] = True,
+    supersedes: Annotated[str | None, Query(description="Id of the record that this one replaces")] = None,
+) -> dict[str, Any]:
+    """Take the body as one record; metadata may come as query parameters and win over those of the file."""
+    asker.require("analyst")
+    overrides = _overrides(request)
+    content = await _bounded_body(request, context.settings.max_upload_bytes)
+    new = Upload(
+        content=content,
+        content_type=request.headers.get("content-type", ""),
+        content_encoding=request.headers.get("content-encoding", ""),
+        overrides=overrides,
+        supersedes=supersedes,
+    )
+    take = context.acceptance.accept if wait else context.acceptance.store
+    accepted = await run_in_threadpool(take, new, asker)
+    answer = await run_in_threadpool(_answer, context, asker, accepted.record_id)
+    response.status_code = 200 if accepted.known else (201 if wait else 202)
+    response.headers["Location"] = f"/api/v1/records/{accepted.record_id}"
+    if not wait and answer["status"] == "stored":
+        background.add_task(context.acceptance.process, accepted.record_id)
+    return answer
+
+
+@router.get("", summary="List records, the newest first")
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    pump: str | None = None,
+    since: Annotated[datetime | None, Query(alias="from")] = None,
+    until: Annotated[datetime | None, Query(alias="to")] = None,
+    status: str | None = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Page through the records that this key may see."""
+    query = {"pump": pump, "from": since, "to": until, "status": status, "list": "records"}
+    after = place_of(query, cursor)
+    wanted = queries.records(asker, serial=pump, since=since, until=until, status=status, after=after)
+    with context.database.reading() as session:
+        rows = session.execute(wanted.limit(limit + 1)).all()
+        return page(
+            rows,
+            limit,
+            query,
+            lambda row: [row[0].received_at.isoformat(), row[0].id],
+            lambda row: _summary(row[0], row[1]),
+        )
+
+
+@router.get("/{record_id}", summary="Status of one record")
+def one(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Where a record stands, what its windows say, and the verdict as it was right after it."""
+    return _answer(context, asker, record_id)
+
+
+@router.get("/{record_id}/windows", summary="Windows of one record")
+def windows(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """All windows in time order, the rejected ones with their reason."""
+    with context.database.reading() as session:
+        return {"items": _windows(queries.record(session, asker, record_id)), "next": None}
+
+
+@router.get("/{record_id}/raw", summary="Original bytes of one record")
+def raw(record_id: str, context: ContextOf, asker: Asker) -> Response:
+    """The bytes exactly as they were uploaded."""
+    with context.database.reading() as session:
+        row = queries.record(session, asker, record_id)
+    content = context.raw_store.get(row.content_hash)
+    headers = {"Content-Disposition": f'attachment; filename="{record_id}"'}
+    kind = row.content_type or "application/octet-stream"
+    if row.request.get("encoding"):
+        headers["X-Original-Content-Encoding"] = row.request["encoding"]
+    return Response(content, media_type=kind, headers=headers)
+
+
+def _overrides(request: Request) -> dict[str, str]:
+    faults, overrides = [], {}
+    for name, value in request.query_params.multi_items():
+        if name in overrides:
+            faults.append(Fault(f"query.{name}", "is given twice"))
+        elif name in KNOWN:
+            overrides[name] = value
+        elif name not in _CONTROLS:
+            faults.append(Fault(f"query.{name}", f"is not metadata of a record; known: {', '.join(KNOWN)}"))
+    if "mapping" in request.query_params:
+        faults.append(Fault("query.mapping", "channel mappings are not available yet"))
+    if faults:
+        raise Invalid("the query is wrong; nothing was stored", faults)
+    return overrides
+
+
+async def _bounded_body(request: Request, limit: int) -> bytes:
+    declared = request.headers.get("content-length", "")
+    too_large = TooLarge(f"the upload is larger than {limit} bytes: split the record into segments")
+    if declared.isdigit() and int(declared) > limit:
+        raise too_large
+    parts, size = [], 0
+    async for part in request.stream():
+        size += len(part)
+        if size > limit:
+            raise too_large
+        parts.append(part)
+    return b"".join(parts)
+
+
+def _answer(context: Context, asker: Principal, record_id: str) -> dict[str, Any]:
+    with context.database.reading() as session:
+        row = queries.record(session, asker, record_id)
+        document: dict[str, Any] = {
+            "record_id": row.id,
+            "status": row.status,
+            "operator": row.operator,
+            "aircraft": row.aircraft,
+            "position": row.position,
+            "flight_id": row.flight_id,
+            "segment": row.segment or None,
+            "started_at": row.started_at,
+            "received_at": row.received_at,
+            "supersedes": row.supersedes,
+        }
+        if row.problem is not None:
+            document["problem"] = row.problem
+        if row.status != ANALYSED:
+            return document
+        assessment = queries.assessment_of(session, row.id)
+        found = _windows(row)
+        usable = [w["residuals"] for w in found if w["kind"] == "zero_flow" and w["accepted"]]
+        return document | {
+            "pump_serial": assessment.serial,
+            "windows": found,
+            "explanation": (row.reduction or {}).get("explanation"),
+            "flags": (row.reduction or {}).get("flags", []),
+            "residuals": usable[-1] if usable else None,
+            "verdict": assessment.verdict,
+        }
+
+
+def _windows(row: Record) -> list[dict[str, Any]]:
+    residuals = row.residuals or {}
+    found = (row.reduction or {}).get("windows", [])
+    return [{**window, "residuals": residuals.get(str(i), {})} for i, window in enumerate(found)]
+
+
+def _summary(row: Record, serial: str | None) -> dict[str, Any]:
+    return {
+        "record_id": row.id,
+        "status": row.status,
+        "operator": row.operator,
+        "pump_serial": serial,
+        "aircraft": row.aircraft,
+        "position": row.position,
+        "flight_id": row.flight_id,
+        "segment": row.segment or None,
+        "started_at": row.started_at,
+        "received_at": row.received_at,
+    }

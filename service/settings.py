@@ -1,0 +1,56 @@
+"""Settings from the environment (prefix ``CASEDRAIN_``) or a ``.env`` file."""
+
+import ipaddress
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Settings(BaseSettings):
+    """What an installation can set; every field is ``CASEDRAIN_<NAME>`` in the environment."""
+
+    model_config = SettingsConfigDict(env_prefix="CASEDRAIN_", env_file=".env", extra="ignore", frozen=True)
+
+    database_url: str = ""
+    data_dir: Path = Path("casedrain-data")
+    raw_store_url: str = ""
+    auth: Literal["on", "off"] = "off"
+    max_upload_bytes: int = Field(default=64 * 2**20, ge=1024)
+    max_inflated_bytes: int = Field(default=512 * 2**20, ge=1024)
+    max_rows: int = Field(default=5_000_000, ge=10)
+
+    @cached_property
+    def effective_database_url(self) -> str:
+        """SQLAlchemy URL: as set, else an SQLite file in the data directory."""
+        return self.database_url or f"sqlite:///{self.data_dir.resolve() / 'casedrain.sqlite'}"
+
+    @cached_property
+    def effective_raw_store_url(self) -> str:
+        """URL of the raw-file store: as set, else a folder in the data directory."""
+        return self.raw_store_url or str(self.data_dir.resolve() / "raw")
+
+    @property
+    def auth_is_on(self) -> bool:
+        return self.auth == "on"
+
+    def binding_fault(self, host: str) -> str | None:
+        """Why the server must not bind to ``host``: without keys it may serve this machine only."""
+        if self.auth_is_on or is_loopback(host):
+            return None
+        return (
+            f"CASEDRAIN_AUTH=off works on loopback only, and {host} is not loopback: "
+            "set CASEDRAIN_AUTH=on and make a key with `casedrain keys create --role admin`"
+        )
+
+
+def is_loopback(host: str) -> bool:
+    """True for addresses that only this machine reaches."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
