@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 AXES: Mapping[str, str] = {"x": "discharge_pressure_bar", "y": "case_minus_reservoir_bar"}
 DEMANDS_LPM: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+BASELINE_RECORDS = 8
 _Z_90 = 1.645
 
 
@@ -55,10 +56,20 @@ class Direction:
 
 
 @dataclass(frozen=True, slots=True)
+class Baseline:
+    """Where the installation's first records lie relative to the nominal twin: the curve is moved by it [bar]."""
+
+    dx: float
+    dy: float
+    records: int
+
+
+@dataclass(frozen=True, slots=True)
 class Curve:
     """Everything that the picture shows; ``conditions`` are in edge units."""
 
     conditions: Mapping[str, float]
+    baseline: Baseline
     curve: tuple[CurvePoint, ...]
     points: tuple[PumpPoint, ...]
     directions: Mapping[str, Direction]
@@ -76,12 +87,29 @@ def damage_identification_curve(
         "fluid_temperature_degc": condition.fluid_temperature_degc,
         "reservoir_pressure_bar": condition.reservoir_pressure_bar,
     }
-    return Curve(
-        conditions,
-        _reference(pump, circuit, condition),
-        _points(observations, pump, circuit, condition),
-        _directions(pump, circuit, condition),
-    )
+    reference = _reference(pump, circuit, condition)
+    points = _points(observations, pump, circuit, condition)
+    baseline = _baseline(observations, points, reference)
+    dx, dy = baseline.dx, baseline.dy
+    moved = tuple(CurvePoint(p.x + dx, p.y + dy, p.low + dy, p.high + dy, p.system_leakage_lpm) for p in reference)
+    return Curve(conditions, baseline, moved, points, _directions(pump, circuit, condition))
+
+
+def _baseline(
+    observations: Sequence[Observation], points: Sequence[PumpPoint], reference: Sequence[CurvePoint]
+) -> Baseline:
+    """Median displacement of the first points since the pump sits where its newest record saw it."""
+    ordered = sorted(observations, key=lambda o: (o.at, o.record_id))
+    if not points or not reference:
+        return Baseline(0.0, 0.0, 0)
+    place = (ordered[-1].aircraft, ordered[-1].position)
+    before = [o.at for o in ordered if (o.aircraft, o.position) != place]
+    first = [p for p in points if not before or p.at > max(before)][:BASELINE_RECORDS]
+    if not first:
+        return Baseline(0.0, 0.0, 0)
+    dx = float(np.median([p.x for p in first])) - reference[0].x
+    dy = float(np.median([p.y for p in first])) - reference[0].y
+    return Baseline(dx, dy, len(first))
 
 
 def latest_condition(observations: Sequence[Observation], pump: PumpType) -> Condition:

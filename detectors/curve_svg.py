@@ -32,8 +32,15 @@ def curve_svg(curve: Curve, title: str) -> str:
         f"reservoir {conditions['reservoir_pressure_bar']:.2f} bar"
     )
     body.append(text(frame.left, 24, title, extra='font-weight="600"'))
+    body.append(text(frame.right, 44, _legend(curve), anchor="end", colour=QUIET))
     body.append(text(frame.right, 24, f"brought to {where}", anchor="end", colour=QUIET))
     return document(WIDTH, HEIGHT, f"Damage identification curve of {title}", _description(curve, where), body)
+
+
+def _legend(curve: Curve) -> str:
+    if curve.baseline.records == 0:
+        return "line: healthy pump of the type, growing demand"
+    return f"line: healthy pump, growing demand, through this pump's first {curve.baseline.records} records"
 
 
 def _frame(curve: Curve) -> Frame:
@@ -62,8 +69,11 @@ def _band(curve: Curve, frame: Frame) -> list[str]:
         if point.system_leakage_lpm in (0.0, 3.0, 6.0, 10.0):
             x, y = frame.x(point.x), frame.y(point.y)
             out.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3" fill="{ACCENT}"/>')
-            label = "healthy, no demand" if point.system_leakage_lpm == 0.0 else f"{point.system_leakage_lpm:g} L/min"
-            out.append(text(x + 6, y + 18, label, colour=ACCENT))
+            label = "baseline, no demand" if point.system_leakage_lpm == 0.0 else f"{point.system_leakage_lpm:g} L/min"
+            if point.system_leakage_lpm == 0.0:
+                out.append(text(x + 6, y + 18, label, colour=ACCENT))
+            else:
+                out.append(text(x - 8, y + 16, label, anchor="end", colour=ACCENT))
     return out
 
 
@@ -104,11 +114,13 @@ def _directions(curve: Curve, frame: Frame) -> list[str]:
         ends.append((y_1, x_1, f"{_NAMES.get(name, name)} (+{direction.per})"))
     # labels one under the other, so that close directions stay readable
     floor = -math.inf
+    steep = [x for _, x, _ in ends if 0.0 <= x - x_0 < 0.3 * (frame.right - frame.left)]
     for y_1, x_1, words in sorted(ends):
         y = max(y_1 - 6, floor + 17)
         floor = y
-        right = x_1 < frame.right - 170
-        out.append(text(x_1 + (8 if right else -8), y, words, anchor="start" if right else "end", colour=QUIET))
+        right = x_0 <= x_1 < frame.right - 170
+        place = max(steep) + 10 if right and x_1 in steep else x_1 + (8 if right else -8)
+        out.append(text(place, y, words, anchor="start" if right else "end", colour=QUIET))
     return out
 
 

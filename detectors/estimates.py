@@ -49,6 +49,8 @@ def estimates(
 ) -> tuple[dict[str, Estimate], dict[str, float]]:
     """Changes since the baseline with 90 % intervals, and the smallest change that would be found.
 
+    Before the baseline is set there is no change to speak of: only the case flow is estimated then.
+
     ``weights`` are the filters' posterior shares, shape (m,); ``leakage_lpm`` is ``nominal_leakage_lpm``.
     """
     found, smallest = {}, {}
@@ -63,12 +65,12 @@ def estimates(
         places = np.flatnonzero(np.isin(bank.kind, [number[k] for k in kinds]))
         means, sds = _in_units(bank, quantity, leakage_lpm)
         resolution = _resolution(bank, number[kinds[0]], sds)
-        if resolution is not None:
-            smallest[quantity] = math.sqrt(2.0 * _ODDS_TO_FIND) * resolution
+        if resolution is None:
+            continue
+        smallest[quantity] = math.sqrt(2.0 * _ODDS_TO_FIND) * resolution
         rest = 1.0 - float(weights[places].sum())
         mean = float(weights[places] @ means[places])
-        spread = 0.0 if resolution is None else resolution
-        second = float(weights[places] @ (sds[places] ** 2 + means[places] ** 2)) + rest * spread**2
+        second = float(weights[places] @ (sds[places] ** 2 + means[places] ** 2)) + rest * resolution**2
         found[quantity] = _interval(mean, math.sqrt(max(second - mean**2, 0.0)))
     found["case_flow_at_reference_lpm"] = _case_flow(bank, weights, pump, circuit)
     return found, smallest
@@ -90,8 +92,8 @@ def _in_units(bank: Bank, quantity: str, leakage_lpm: float) -> tuple[Array, Arr
 
 
 def _resolution(bank: Bank, kind: int, sds: Array) -> float | None:
-    """How well the amplitude of a sudden fault of this kind is known since its oldest onset; None without one."""
-    places = np.flatnonzero((bank.kind == kind) & (bank.onset >= 0))
+    """How well a sudden fault of this kind is known since its oldest onset; None before one saw two records."""
+    places = np.flatnonzero((bank.kind == kind) & (bank.onset >= 0) & (bank.onset <= bank.records - 2))
     return float(sds[places[np.argmin(bank.onset[places])]]) if len(places) else None
 
 

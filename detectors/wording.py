@@ -25,30 +25,30 @@ def advice(
             f"Fly on. Case flow at the reference condition is estimated at {flow.mean:.2f} L/min (limit {limit_lpm:g})."
         )
     if state is State.PUMP_DEGRADATION:
-        leak = found["pump_leakage_change_lpm"]
+        leak = found.get("pump_leakage_change_lpm")
         urgency = "Replace the pump" if flow.mean > limit_lpm else "Plan the replacement of the pump"
-        return (
-            f"{urgency}: its internal leakage has grown by {leak.mean:.2f} L/min ({leak.low:.2f} to {leak.high:.2f}); "
-            f"case flow at the reference condition is estimated at {flow.mean:.2f} L/min (limit {limit_lpm:g})."
-        )
+        level = f"case flow at the reference condition is estimated at {flow.mean:.2f} L/min (limit {limit_lpm:g})."
+        if leak is None or leak.low <= 0.0:
+            return f"{urgency}: {level}"
+        grown = f"{leak.mean:.2f} L/min ({leak.low:.2f} to {leak.high:.2f})"
+        return f"{urgency}: its internal leakage has grown by {grown}; {level}"
     if state is State.COMPENSATOR_FAULT:
-        setting = found["pressure_setting_change_bar"]
+        setting = found.get("pressure_setting_change_bar")
+        by = f" by {setting.mean:+.1f} bar" if setting else ""
         return (
-            f"Check the pump's compensator: the regulated pressure has moved by {setting.mean:+.1f} bar. "
+            f"Check the pump's compensator: the regulated pressure has moved{by}. "
             "Compare the discharge sensor with a gauge, then adjust; if it does not hold, replace the pump."
         )
     if state is State.SYSTEM_LEAKAGE:
-        leak = found["system_leakage_change_lpm"]
+        leak = found.get("system_leakage_change_lpm")
+        by = f" about {leak.mean:.1f} L/min ({leak.low:.1f} to {leak.high:.1f})" if leak else ""
         return (
-            f"Leave the pump in place and look in the circuit: actuators and valves leak about {leak.mean:.1f} L/min "
-            f"more than at the baseline ({leak.low:.1f} to {leak.high:.1f})."
+            f"Leave the pump in place and look in the circuit: actuators and valves leak{by} more than at the baseline."
         )
     if state is State.DRAIN_RESTRICTION:
-        drain = found["drain_resistance_change_percent"]
-        return (
-            f"Leave the pump in place and check the case drain line and its filter: its resistance has grown by "
-            f"{drain.mean:.0f} % ({drain.low:.0f} to {drain.high:.0f} %)."
-        )
+        drain = found.get("drain_resistance_change_percent")
+        by = f" by {drain.mean:.0f} % ({drain.low:.0f} to {drain.high:.0f} %)" if drain else ""
+        return f"Leave the pump in place and check the case drain line and its filter: its resistance has grown{by}."
     if state is State.SENSOR_FAULT:
         return (
             "Check the case pressure sensor: its zero has moved. Pump and circuit stay monitored as long as records "

@@ -6,7 +6,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
-import httpx
+import httpx2
 import structlog
 import typer
 import uvicorn
@@ -95,7 +95,7 @@ def demo(
     except KeyboardInterrupt:
         console.print("Stopped.")
         return
-    except (RefusedError, RuntimeError, httpx.HTTPError) as error:
+    except (RefusedError, RuntimeError, httpx2.HTTPError) as error:
         raise _fail(str(error)) from None
     raise typer.Exit(0 if good else 1)
 
@@ -138,7 +138,7 @@ def upload(
             except RefusedError as error:
                 n_refused += 1
                 console.print(f"[red]refused[/]  {path}: {error}", highlight=False)
-            except httpx.HTTPError as error:
+            except httpx2.HTTPError as error:
                 raise _fail(f"{url} does not answer ({error}): is `casedrain serve` running?") from None
             else:
                 verdict = answer.get("verdict", {})

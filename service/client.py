@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from types import TracebackType
 from typing import Any, Self
 
-import httpx
+import httpx2
 
 API_PREFIX = "/api/v1"
 _RETRIED = frozenset({429, 502, 503, 504})
@@ -37,7 +37,7 @@ class Client:
 
     def __init__(self, base_url: str, key: str | None = None, *, retries: int = 4, timeout_s: float = 120.0) -> None:
         headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._http = httpx.Client(base_url=base_url, headers=headers, timeout=timeout_s)
+        self._http = httpx2.Client(base_url=base_url, headers=headers, timeout=timeout_s)
         self._retries = retries
 
     def __enter__(self) -> Self:
@@ -66,7 +66,7 @@ class Client:
         ------
         RefusedError
             with every fault that the service found.
-        httpx.HTTPError
+        httpx2.HTTPError
             when the service cannot be reached.
         """
         params = {**(metadata or {}), **({} if wait else {"wait": "false"})}
@@ -90,8 +90,8 @@ class Client:
     def is_ready(self) -> bool:
         """Whether the service can do its work."""
         try:
-            return self._http.get("/readyz").status_code == httpx.codes.OK
-        except httpx.TransportError:
+            return self._http.get("/readyz").status_code == httpx2.codes.OK
+        except httpx2.TransportError:
             return False
 
     def _json(self, method: str, path: str, **request: Any) -> dict[str, Any]:
@@ -99,7 +99,7 @@ class Client:
             last = attempt == self._retries
             try:
                 response = self._http.request(method, API_PREFIX + path, **request)
-            except httpx.TransportError:
+            except httpx2.TransportError:
                 if last:
                     raise
                 time.sleep(0.2 * 2**attempt)

@@ -1,5 +1,6 @@
 """The pages: fleet, pump, sign-in."""
 
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -71,6 +72,13 @@ _SECURITY_HEADERS = {
     "Cache-Control": "no-store",
 }
 
+_Body = tuple[str, int, dict[str, Any]]
+
+
+def _instant(value: datetime | str) -> datetime:
+    return datetime.fromisoformat(value) if isinstance(value, str) else value
+
+
 _templates = Environment(
     loader=PackageLoader("service.dashboard"),
     autoescape=select_autoescape(default=True, default_for_string=True),
@@ -83,8 +91,8 @@ _templates.globals |= {
     "units": TREND_METRICS,
     "version": __version__,
 }
-_templates.filters["day"] = lambda instant: f"{instant:%d %b %Y %H:%M} UTC" if instant else "–"
-_templates.filters["iso_day"] = lambda text: f"{text[:10]} {text[11:16]} UTC" if text else "–"
+_templates.filters["day"] = lambda instant: f"{_instant(instant):%d %b %Y %H:%M} UTC" if instant else "–"
+_templates.filters["date"] = lambda instant: f"{_instant(instant):%d %b %Y}" if instant else "–"
 
 
 @page_router.get("/", response_class=HTMLResponse)
@@ -142,7 +150,7 @@ def _html(template: str, status: int = 200, values: dict[str, Any] | None = None
     return HTMLResponse(text, status_code=status, headers=_SECURITY_HEADERS)
 
 
-def _fleet_body(request: Request, context: Context) -> tuple[str, int, dict[str, Any]]:
+def _fleet_body(request: Request, context: Context) -> _Body:
     asker = principal(request)
     pumps = fleet(context, asker)
     with context.database.reading() as session:
@@ -164,9 +172,7 @@ def _fleet_body(request: Request, context: Context) -> tuple[str, int, dict[str,
     )
 
 
-def _pump_body(
-    request: Request, context: Context, serial: str, operator: str | None
-) -> tuple[str, int, dict[str, Any]]:
+def _pump_body(request: Request, context: Context, serial: str, operator: str | None) -> _Body:
     asker = principal(request)
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)

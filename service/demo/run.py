@@ -82,5 +82,5 @@ def compare(client: Client, console: Console) -> bool:
             words += ": " + " or ".join(WORDS[c].lower() for c in verdict["candidates"])
         row = (pump.serial, f"{pump.aircraft} {pump.position}", pump.truth.words, words, verdict["side"])
         table.add_row(*row, f"{verdict['confidence']:.2f}", "yes" if right else "NO")
-    console.print(table)
+    console.print(table, width=max(console.width, 120))
     return good

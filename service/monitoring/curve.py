@@ -46,6 +46,7 @@ def curve_document(curve: Curve) -> dict[str, Any]:
     return {
         "axes": dict(AXES),
         "conditions": dict(curve.conditions),
+        "baseline": asdict(curve.baseline),
         "curve": [asdict(point) for point in curve.curve],
         "points": [asdict(point) for point in curve.points],
         "directions": {name: asdict(direction) for name, direction in curve.directions.items()},

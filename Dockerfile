@@ -1,0 +1,30 @@
+# The base image is an argument so that a mirror, or an image made elsewhere, can take its place.
+ARG BASE_IMAGE=python:3.12-slim
+FROM ${BASE_IMAGE} AS build
+WORKDIR /src
+COPY pyproject.toml README.md LICENSE ./
+COPY twin twin
+COPY detectors detectors
+COPY service service
+COPY migrations migrations
+RUN python3 -m venv /opt/casedrain && /opt/casedrain/bin/pip install --no-cache-dir .
+# compiled once here, so that no start and no request pays for it
+ENV CASEDRAIN_COMPILE_CACHE=/opt/casedrain/cache
+RUN cd / && /opt/casedrain/bin/python -m twin.warm_up
+
+ARG BASE_IMAGE=python:3.12-slim
+FROM ${BASE_IMAGE}
+RUN useradd --system --uid 10001 --home-dir /var/lib/casedrain --create-home casedrain
+COPY --from=build /opt/casedrain /opt/casedrain
+ENV PATH=/opt/casedrain/bin:$PATH \
+    PYTHONUNBUFFERED=1 \
+    CASEDRAIN_COMPILE_CACHE=/opt/casedrain/cache \
+    CASEDRAIN_DATA_DIR=/var/lib/casedrain \
+    CASEDRAIN_AUTH=on \
+    MPLCONFIGDIR=/tmp/matplotlib
+USER casedrain
+WORKDIR /var/lib/casedrain
+EXPOSE 8000
+HEALTHCHECK --interval=10s --timeout=8s --start-period=60s --retries=6 \
+    CMD ["python3", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=7)"]
+CMD ["sh", "-c", "casedrain db upgrade && exec casedrain serve --host 0.0.0.0 --port 8000"]

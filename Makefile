@@ -1,0 +1,62 @@
+# Everything starts here: `make demo`, `make test`. Needs python3 (3.11 or newer, with venv), make and git.
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+VENV := .venv
+BIN := $(VENV)/bin
+PYTEST_ARGS ?=
+
+.PHONY: help demo test lint format types imports migrations containers serve clean tools
+
+help: ## show what there is
+	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
+
+tools:
+	@missing=""; \
+	command -v git >/dev/null || missing="$$missing\n  git: install the package git"; \
+	if ! command -v python3 >/dev/null; then missing="$$missing\n  python3: install Python 3.11 or newer"; \
+	elif ! python3 -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then \
+	  missing="$$missing\n  python3 is $$(python3 -V 2>&1), 3.11 or newer is needed"; \
+	elif ! python3 -c 'import venv, ensurepip' 2>/dev/null; then \
+	  missing="$$missing\n  venv: install the package python3-venv"; fi; \
+	if [ -n "$$missing" ]; then printf "missing tools:$$missing\n" >&2; exit 1; fi
+
+# one stamp per set of dependencies; an interrupted install is done again
+$(VENV)/.installed: pyproject.toml | tools
+	@echo "making the virtual environment (some minutes the first time) ..."
+	@python3 -m venv "$(VENV)"
+	@"$(BIN)/python" -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch "$@"
+
+demo: $(VENV)/.installed ## simulate a small fleet, upload it, show verdicts, keep serving
+	@"$(BIN)/casedrain" demo $(DEMO_ARGS)
+
+test: $(VENV)/.installed ## run every test but the containerised one
+	@"$(BIN)/python" -m twin.warm_up
+	@"$(BIN)/python" -m pytest -n 2 --dist loadfile -m "not containers" $(PYTEST_ARGS)
+
+lint: $(VENV)/.installed ## style and common mistakes
+	@"$(BIN)/ruff" check .
+	@"$(BIN)/ruff" format --check .
+
+format: $(VENV)/.installed ## put the code into shape
+	@"$(BIN)/ruff" check --fix .
+	@"$(BIN)/ruff" format .
+
+types: $(VENV)/.installed ## mypy, strict
+	@"$(BIN)/mypy"
+
+imports: $(VENV)/.installed ## the direction of imports
+	@"$(BIN)/lint-imports"
+
+migrations: $(VENV)/.installed ## tables and migrations agree, on SQLite and on Postgres
+	@"$(BIN)/python" tests/check_migrations.py
+
+containers: $(VENV)/.installed ## build and run the image and the compose file on a real engine (root, Debian)
+	@"$(BIN)/python" -m pytest -p no:xdist -m containers tests/containers $(PYTEST_ARGS)
+
+serve: $(VENV)/.installed ## serve API and pages on this machine
+	@"$(BIN)/casedrain" serve
+
+clean: ## remove the virtual environment and what tools left behind
+	rm -rf "$(VENV)" .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist

@@ -1,0 +1,38 @@
+"""Fixtures for both databases: a file for SQLite, a cluster of our own for Postgres."""
+
+import itertools
+import os
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from service.database import upgrade
+from tests.postgres import binary, cluster, create_database
+
+_numbers = itertools.count(1)
+
+
+@pytest.fixture(scope="session")
+def postgres_cluster() -> Iterator[str]:
+    """URL pattern of a running cluster; skips loudly, or fails where REQUIRE_POSTGRES is set, without binaries."""
+    if binary("initdb") is None or binary("postgres") is None:
+        reason = "POSTGRES-SKIPPED: initdb and postgres are not installed"
+        if os.environ.get("REQUIRE_POSTGRES"):
+            pytest.fail(reason)
+        warnings.warn(reason, pytest.PytestWarning, stacklevel=1)
+        pytest.skip(reason)
+    with cluster() as url:
+        yield url
+
+
+@pytest.fixture(params=["sqlite", "postgres"])
+def database_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """A fresh, migrated database of each kind."""
+    if request.param == "sqlite":
+        url = f"sqlite:///{tmp_path / 'test.sqlite'}"
+    else:
+        url = create_database(request.getfixturevalue("postgres_cluster"), f"t{next(_numbers)}")
+    upgrade(url)
+    return url

@@ -1,0 +1,88 @@
+"""A Postgres cluster of our own for tests, on a socket in a temporary folder, run by an unprivileged user."""
+
+import glob
+import os
+import pwd
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def binary(name: str) -> str | None:
+    """Path of a Postgres program: from the PATH, or from where Debian keeps them."""
+    found = shutil.which(name)
+    if found:
+        return found
+    installed = sorted(glob.glob(f"/usr/lib/postgresql/*/bin/{name}"))
+    return installed[-1] if installed else None
+
+
+def _as_nobody() -> tuple[list[str], int | None]:
+    """Prefix and user for programs that refuse to run as root."""
+    if os.geteuid() != 0:
+        return [], None
+    user = pwd.getpwnam("nobody")
+    return ["setpriv", f"--reuid={user.pw_uid}", f"--regid={user.pw_gid}", "--clear-groups"], user.pw_uid
+
+
+@contextmanager
+def cluster() -> Iterator[str]:
+    """Run a cluster while the block runs; gives a URL without the database's name, to append one to.
+
+    Raises
+    ------
+    RuntimeError
+        when the binaries are missing.
+    """
+    initdb, postgres = binary("initdb"), binary("postgres")
+    if initdb is None or postgres is None:
+        raise RuntimeError("initdb and postgres are not installed")
+    prefix, owner = _as_nobody()
+    folder = Path(tempfile.mkdtemp(prefix="cd-pg-"))
+    if owner is not None:
+        os.chown(folder, owner, -1)
+    data, socket = folder / "data", folder
+    quiet = {"stdout": subprocess.DEVNULL, "cwd": folder}
+    try:
+        command = [*prefix, initdb, "-D", str(data), "-U", "casedrain", "-A", "trust", "--no-sync", "-E", "UTF8"]
+        subprocess.run([*command, "--locale=C"], check=True, **quiet)  # type: ignore[call-overload]
+        options = ["-c", "listen_addresses=", "-k", str(socket), "-c", "fsync=off", "-c", "max_connections=100"]
+        server = subprocess.Popen(  # type: ignore[call-overload]
+            [*prefix, postgres, "-D", str(data), *options], stderr=subprocess.DEVNULL, **quiet
+        )
+        try:
+            _wait(socket)
+            yield f"postgresql+psycopg://casedrain@/{{name}}?host={socket}"
+        finally:
+            server.terminate()
+            server.wait(timeout=30)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _wait(socket: Path) -> None:
+    import time
+
+    import psycopg
+
+    for _ in range(300):
+        try:
+            psycopg.connect(f"host={socket} user=casedrain dbname=postgres", connect_timeout=2).close()
+        except psycopg.OperationalError:
+            time.sleep(0.1)
+        else:
+            return
+    raise RuntimeError("Postgres did not start within 30 s")
+
+
+def create_database(url: str, name: str) -> str:
+    """Make a database in the cluster and give its URL."""
+    import psycopg
+
+    socket = url.partition("host=")[2]
+    with psycopg.connect(f"host={socket} user=casedrain dbname=postgres", autocommit=True) as connection:
+        connection.execute(f'CREATE DATABASE "{name}"')  # type: ignore[arg-type]
+    return url.format(name=name)

@@ -1,0 +1,345 @@
+"""Reading and administration: pumps, trends, curves, thresholds, keys, roles, tenancy, paging, operations."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from detectors.verdict import TREND_METRICS
+from service.app import create_app
+from service.demo.fleet import DemoRecord
+from service.security import new_key
+from service.settings import Settings
+from tests.service.records import body, document
+
+JSON = {"content-type": "application/json"}
+API = "/api/v1"
+
+
+def put_records(client: TestClient, serials: list[str], **headers: str) -> None:
+    for i, serial in enumerate(serials):
+        params = {"pump_serial": serial, "flight_id": f"F{i}"}
+        assert (
+            client.post(f"{API}/records", content=body(), headers={**JSON, **headers}, params=params).status_code == 201
+        )
+
+
+class TestPump:
+    @pytest.fixture
+    def serial(self, client: TestClient, healthy_records: list[DemoRecord]) -> str:
+        for record in healthy_records:
+            headers = {"content-type": "text/csv"}
+            assert client.post(f"{API}/records", content=record.content, headers=headers).status_code == 201
+        return healthy_records[0].pump.serial
+
+    def test_verdict_has_the_shape_of_the_contract(self, client: TestClient, serial: str) -> None:
+        verdict = client.get(f"{API}/pumps/{serial}/verdict").json()
+        assert set(verdict) == {
+            *("state", "side", "since", "confidence", "probabilities", "candidates", "secondary", "sensor"),
+            *("estimates", "minimum_detectable", "quality", "advice", "resolving_measurement"),
+            *("twin_version", "threshold_version"),
+        }
+        assert verdict["state"] == "healthy"
+        assert sum(verdict["probabilities"].values()) == pytest.approx(1.0)
+        assert verdict["confidence"] == max(verdict["probabilities"].values())
+        assert verdict["since"].endswith("Z")
+        for estimate in verdict["estimates"].values():
+            assert estimate["low"] <= estimate["mean"] <= estimate["high"]
+
+    @pytest.mark.parametrize("metric", TREND_METRICS)
+    def test_trend(self, client: TestClient, serial: str, metric: str) -> None:
+        trend = client.get(f"{API}/pumps/{serial}/trend", params={"metric": metric}).json()
+        assert trend["metric"] == metric
+        assert trend["unit"] == TREND_METRICS[metric]
+        instants = [item["at"] for item in trend["items"]]
+        assert instants == sorted(instants)
+        changes = metric.endswith(("change_lpm", "change_bar", "change_percent"))
+        assert len(instants) == (12 - 9 if changes else 12)
+        for item in trend["items"]:
+            assert item["low"] <= item["value"] <= item["high"]
+            assert client.get(f"{API}/records/{item['record_id']}").status_code == 200
+
+    def test_thinning_keeps_extremes_and_ends(self, client: TestClient, serial: str) -> None:
+        url = f"{API}/pumps/{serial}/trend"
+        full = client.get(url, params={"metric": "discharge_residual_bar"}).json()["items"]
+        thin = client.get(url, params={"metric": "discharge_residual_bar", "points": 6}).json()["items"]
+        assert len(thin) <= 6
+        assert [thin[0], thin[-1]] == [full[0], full[-1]]
+        for pick in (min, max):
+            assert pick(full, key=lambda i: i["value"]) in thin
+
+    def test_unknown_metric_is_refused_with_what_exists(self, client: TestClient, serial: str) -> None:
+        answer = client.get(f"{API}/pumps/{serial}/trend", params={"metric": "mood"})
+        assert answer.status_code == 422
+        assert "case_residual_bar" in answer.json()["errors"][0]["problem"]
+
+    def test_curve(self, client: TestClient, serial: str) -> None:
+        url = f"{API}/pumps/{serial}/damage-identification-curve"
+        curve = client.get(url, params={"fluid_temperature_degc": 55, "speed_rpm": 4600}).json()
+        assert curve["axes"] == {"x": "discharge_pressure_bar", "y": "case_minus_reservoir_bar"}
+        assert curve["conditions"]["fluid_temperature_degc"] == 55
+        assert len(curve["points"]) == 12
+        demand = [p["system_leakage_lpm"] for p in curve["curve"]]
+        heights = [p["y"] for p in curve["curve"]]
+        assert demand == sorted(demand)
+        assert heights == sorted(heights)
+        assert all(p["low"] < p["y"] < p["high"] for p in curve["curve"])
+        # a worn pump lifts the case pressure, a moved setting shifts the discharge pressure alone
+        assert curve["directions"]["pump_degradation"]["dy"] > 0.1
+        assert abs(curve["directions"]["compensator_fault"]["dy"]) < 0.01
+        svg = client.get(url, params={"format": "svg"})
+        assert svg.headers["content-type"].startswith("image/svg+xml")
+        assert svg.text.startswith("<svg")
+        assert client.get(url, params={"format": "png"}).content.startswith(b"\x89PNG")
+
+    def test_fleet_summary_counts(self, client: TestClient, serial: str) -> None:
+        summary = client.get(f"{API}/fleet/summary").json()
+        assert summary["pumps"] == 1
+        assert summary["by_state"] == {"healthy": 1}
+        assert summary["attention"] == []
+
+    def test_pages_show_it(self, client: TestClient, serial: str) -> None:
+        fleet = client.get("/")
+        assert fleet.status_code == 200
+        assert serial in fleet.text
+        page = client.get(f"/pumps/{serial}")
+        assert page.status_code == 200
+        assert "Damage identification curve" in page.text
+        for html in (fleet, page):
+            assert "<script" not in html.text
+            assert "style=" not in html.text
+            assert "default-src 'none'" in html.headers["content-security-policy"]
+            assert "http://" not in html.text.replace("http://www.w3.org/", "")
+        assert client.get("/pumps/nobody").status_code == 404
+        assert client.get("/static/casedrain.css").status_code == 200
+
+
+def test_an_empty_fleet_is_a_page_too(client: TestClient) -> None:
+    assert "No pump has sent a record yet" in client.get("/").text
+
+
+def test_lists_are_paged_without_loss_or_repetition(client: TestClient) -> None:
+    serials = [f"P-{i}" for i in range(7)]
+    put_records(client, serials)
+    for path, key, expected in (("pumps", "serial", serials), ("records", "pump_serial", serials)):
+        seen: list[str] = []
+        cursor: str | None = None
+        while True:
+            params: dict[str, Any] = {"limit": 3, **({"cursor": cursor} if cursor else {})}
+            page = client.get(f"{API}/{path}", params=params).json()
+            assert len(page["items"]) <= 3
+            seen += [item[key] for item in page["items"]]
+            cursor = page["next"]
+            if cursor is None:
+                break
+        assert sorted(seen) == expected
+    pumps_cursor = client.get(f"{API}/pumps", params={"limit": 3}).json()["next"]
+    assert client.get(f"{API}/records", params={"cursor": pumps_cursor}).status_code == 422
+    assert client.get(f"{API}/pumps", params={"cursor": "???"}).status_code == 422
+    assert client.get(f"{API}/pumps", params={"limit": 501}).status_code == 422
+
+
+class TestThresholds:
+    URL = f"{API}/thresholds/fleet/default"
+    BODY: dict[str, Any] = {"values": {"case_flow_limit_lpm": 1.3}, "reason": "trial"}  # noqa: RUF012
+
+    def test_versions_go_by_etag(self, client: TestClient) -> None:
+        assert client.put(self.URL, json=self.BODY).status_code == 428
+        first = client.put(self.URL, json=self.BODY, headers={"If-Match": "*"})
+        assert first.status_code == 200, first.text
+        tag = first.headers["etag"]
+        assert client.get(self.URL).headers["etag"] == tag
+        assert client.put(self.URL, json=self.BODY, headers={"If-Match": "*"}).status_code == 412
+        assert client.put(self.URL, json=self.BODY, headers={"If-Match": '"99"'}).status_code == 412
+        second = client.put(self.URL, json=self.BODY, headers={"If-Match": tag})
+        assert second.json()["version"] == first.json()["version"] + 1
+
+    def test_narrower_layers_win_and_say_where_they_come_from(self, client: TestClient) -> None:
+        put_records(client, ["P-1"])
+        client.put(self.URL, json=self.BODY, headers={"If-Match": "*"})
+        own = f"{API}/thresholds/pump/P-1"
+        client.put(own, json={"values": {"alarm_records": 5}, "reason": "noisy"}, headers={"If-Match": "*"})
+        values = client.get(own).json()["values"]
+        assert values["case_flow_limit_lpm"] == {"value": 1.3, "unit": "L/min", "from": "fleet/default"}
+        assert values["alarm_records"]["from"] == "pump/P-1"
+        assert values["baseline_records"]["from"] == "default"
+        verdict = client.get(f"{API}/pumps/P-1/verdict").json()
+        assert verdict["threshold_version"] == client.get(own).json()["version"]
+
+    def test_window_thresholds_find_windows_anew(self, client: TestClient) -> None:
+        put_records(client, ["P-1"])
+        assert client.get(f"{API}/pumps/P-1/verdict").json()["quality"]["records_used"] == 1
+        long = {"values": {"window_minimum_duration_s": 400}, "reason": "only long windows"}
+        client.put(self.URL, json=long, headers={"If-Match": "*"})
+        assert client.get(f"{API}/pumps/P-1/verdict").json()["quality"]["records_used"] == 0
+
+    def test_every_fault_is_named_and_nothing_changes(self, client: TestClient) -> None:
+        bad = {"values": {"mood": 1, "alarm_records": 0, "alarm_off_log_odds": 9}, "reason": " "}
+        answer = client.put(self.URL, json=bad, headers={"If-Match": "*"})
+        assert answer.status_code == 422
+        assert {e["where"] for e in answer.json()["errors"]} == {
+            "values.mood",
+            "values.alarm_records",
+            "values.alarm_off_log_odds",
+            "reason",
+        }
+        assert client.get(self.URL).json()["version"] == 0
+        extra = client.put(self.URL, json={**self.BODY, "author": "me"}, headers={"If-Match": "*"})
+        assert extra.status_code == 422
+        assert extra.json()["errors"][0]["where"] == "body.author"
+
+    def test_unknown_scopes_are_404(self, client: TestClient) -> None:
+        assert client.get(f"{API}/thresholds/planet/earth").status_code == 404
+        assert client.get(f"{API}/thresholds/pump/nobody").status_code == 404
+
+    def test_keys_are_listed_with_range_and_meaning(self, client: TestClient) -> None:
+        for item in client.get(f"{API}/thresholds/keys").json()["items"]:
+            assert item["low"] <= item["default"] <= item["high"]
+            assert item["unit"]
+            assert item["meaning"]
+
+
+class TestAuthentication:
+    @pytest.fixture
+    def guarded(self, database_url: str, tmp_path: Any) -> Iterator[TestClient]:
+        settings = Settings(database_url=database_url, data_dir=tmp_path / "data", auth="on")
+        with TestClient(create_app(settings), raise_server_exceptions=False) as running:
+            yield running
+
+    @staticmethod
+    def key(client: TestClient, role: str, operator: str | None = None) -> dict[str, str]:
+        database = client.app.state.context.database  # type: ignore[attr-defined]
+        with database.writing() as session:
+            _, key = new_key(session, f"test {role}", role, operator, None)
+        return {"Authorization": f"Bearer {key}"}
+
+    def test_no_key_no_answer(self, guarded: TestClient) -> None:
+        for path in ("/pumps", "/records", "/fleet/summary", "/keys", "/thresholds/keys", "/thresholds/fleet/default"):
+            answer = guarded.get(API + path)
+            assert answer.status_code == 401, path
+            assert answer.headers["www-authenticate"] == "Bearer"
+            assert answer.headers["content-type"] == "application/problem+json"
+        assert guarded.get("/healthz").status_code == 200
+        assert guarded.get("/", follow_redirects=False).headers["location"] == "/sign-in"
+
+    @pytest.mark.parametrize(
+        ("role", "upload", "fleet_thresholds", "keys"),
+        [("viewer", 403, 403, 403), ("analyst", 201, 403, 403), ("admin", 201, 200, 200)],
+    )
+    def test_roles(self, guarded: TestClient, role: str, upload: int, fleet_thresholds: int, keys: int) -> None:
+        headers = self.key(guarded, role)
+        assert guarded.get(f"{API}/pumps", headers=headers).status_code == 200
+        assert guarded.post(f"{API}/records", content=body(), headers={**headers, **JSON}).status_code == upload
+        changed = guarded.put(TestThresholds.URL, json=TestThresholds.BODY, headers={**headers, "If-Match": "*"})
+        assert changed.status_code == fleet_thresholds
+        assert guarded.get(f"{API}/keys", headers=headers).status_code == keys
+
+    def test_operators_do_not_see_each_other(self, guarded: TestClient) -> None:
+        ours, theirs = self.key(guarded, "analyst", "north"), self.key(guarded, "admin", "south")
+        put_records(guarded, ["P-1"], **ours)
+        record_id = guarded.get(f"{API}/records", headers=ours).json()["items"][0]["record_id"]
+        for path in (
+            "/pumps/P-1",
+            "/pumps/P-1/verdict",
+            "/pumps/P-1/verdicts",
+            "/pumps/P-1/trend?metric=case_residual_bar",
+            "/pumps/P-1/damage-identification-curve",
+            f"/records/{record_id}",
+            f"/records/{record_id}/windows",
+            f"/records/{record_id}/raw",
+            "/thresholds/pump/P-1",
+            "/thresholds/operator/north",
+        ):
+            assert guarded.get(API + path, headers=ours).status_code == 200, path
+            assert guarded.get(API + path, headers=theirs).status_code == 404, path
+        for path in ("/pumps", "/records"):
+            assert guarded.get(API + path, headers=theirs).json()["items"] == []
+        assert guarded.get(f"{API}/fleet/summary", headers=theirs).json()["pumps"] == 0
+        stolen = guarded.post(f"{API}/records?operator=north", content=body(), headers={**theirs, **JSON})
+        assert stolen.status_code == 403
+        named = guarded.post(
+            f"{API}/records", content=body({**document(), "operator": "north"}), headers={**theirs, **JSON}
+        )
+        assert named.status_code == 403
+
+    def test_two_operators_may_have_the_same_serial(self, guarded: TestClient) -> None:
+        north, south = self.key(guarded, "analyst", "north"), self.key(guarded, "analyst", "south")
+        put_records(guarded, ["P-1"], **north)
+        put_records(guarded, ["P-1"], **south)
+        for headers in (north, south):
+            assert guarded.get(f"{API}/pumps/P-1", headers=headers).json()["records"] == 1
+        both = self.key(guarded, "viewer")
+        assert guarded.get(f"{API}/pumps/P-1", headers=both).status_code == 404
+        assert guarded.get(f"{API}/pumps/P-1?operator=south", headers=both).json()["operator"] == "south"
+
+    def test_keys_are_made_once_and_kept_as_hashes(self, guarded: TestClient) -> None:
+        admin = self.key(guarded, "admin")
+        made = guarded.post(f"{API}/keys", json={"owner": "office", "role": "viewer"}, headers=admin)
+        assert made.status_code == 201
+        key = made.json()["key"]
+        assert guarded.get(f"{API}/pumps", headers={"Authorization": f"Bearer {key}"}).status_code == 200
+        listed = guarded.get(f"{API}/keys", headers=admin)
+        assert key not in listed.text
+        assert "key_hash" not in listed.text
+        past = {"owner": "late", "role": "viewer", "expires_at": "2020-01-01T00:00:00Z"}
+        assert guarded.post(f"{API}/keys", json=past, headers=admin).status_code == 422
+
+    def test_the_pages_take_a_key_and_keep_it_from_scripts(self, guarded: TestClient) -> None:
+        key = self.key(guarded, "viewer")["Authorization"].removeprefix("Bearer ")
+        assert guarded.post("/sign-in", data={"key": "wrong"}).status_code == 401
+        answer = guarded.post("/sign-in", data={"key": key}, follow_redirects=False)
+        cookie = answer.headers["set-cookie"].lower()
+        assert "httponly" in cookie
+        assert "samesite=strict" in cookie
+        assert guarded.get("/").status_code == 200
+        # the cookie reads; it never writes
+        assert guarded.post(f"{API}/records", content=body(), headers=JSON).status_code == 401
+
+
+def test_operating_point_answers_with_a_problem_in_place(client: TestClient) -> None:
+    conditions = [
+        {"speed_rpm": 4600, "fluid_temperature_degc": 50},
+        {"speed_rpm": 4600, "fluid_temperature_degc": 50, "discharge_flow_lpm": 60},
+        {"speed_rpm": 4600, "fluid_temperature_degc": 50, "circuit": "separate_drain"},
+    ]
+    items = client.post(f"{API}/twin/operating-point", json={"conditions": conditions}).json()["items"]
+    assert items[0]["case_flow_lpm"] == pytest.approx(sum(items[0]["leakage_lpm"].values()))
+    assert items[0]["derivatives"]["case_pressure_bar"]["system_leakage_lpm"] == pytest.approx(0.046, rel=0.1)
+    assert "more than the pump delivers" in items[1]["error"]["detail"]
+    assert items[2]["derivatives"]["case_pressure_bar"]["system_leakage_lpm"] == pytest.approx(0.0, abs=0.003)
+    refused = client.post(f"{API}/twin/operating-point", json={"conditions": [{"speed_rpm": 1, "mood": 2}]})
+    assert {e["where"] for e in refused.json()["errors"]} == {
+        "body.conditions.0.fluid_temperature_degc",
+        "body.conditions.0.mood",
+    }
+
+
+def test_operations(client: TestClient) -> None:
+    assert client.get("/healthz").json() == {"status": "alive"}
+    assert client.get("/readyz").json()["checks"] == {"database": "ok", "raw_store": "ok"}
+    assert "casedrain_requests_total" in client.get("/metrics").text
+    assert client.get("/openapi.json").json()["info"]["title"] == "casedrain"
+    missing = client.get("/api/v1/nowhere")
+    assert missing.status_code == 404
+    assert missing.headers["content-type"] == "application/problem+json"
+    assert client.delete("/api/v1/pumps").status_code == 405
+
+
+def test_an_unexpected_error_is_a_problem_without_secrets(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any, **__: Any) -> None:
+        raise RuntimeError("password=hunter2")
+
+    monkeypatch.setattr("service.queries.pump", broken)
+    answer = client.get(f"{API}/pumps/P-1")
+    assert answer.status_code == 500
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert "hunter2" not in answer.text
+
+
+def test_without_keys_only_loopback_is_served() -> None:
+    settings = Settings(auth="off")
+    assert settings.binding_fault("127.0.0.1") is None
+    assert settings.binding_fault("::1") is None
+    assert "loopback" in str(settings.binding_fault("0.0.0.0"))
+    assert Settings(auth="on").binding_fault("0.0.0.0") is None
