@@ -79,7 +79,7 @@ _WALK: dict[str, float] = {
     "drain_flow_weight": 0.003,
     "ln_droop": 0.005,
     "case_offset_bar": 0.006,
-    "reservoir_bar": 0.05,
+    "reservoir_bar": 0.2,
 }
 """One-sigma change of each component from record to record of a healthy pump (estimates; the zero's: 0.06 bar
 over some hundred flights)."""

@@ -56,7 +56,9 @@ class Engine:
         return self._run(["/usr/bin/docker-compose", *files, *words], check)
 
     def _run(self, command: list[str], check: bool) -> str:
-        done = subprocess.run(command, cwd=ROOT, env=dict(self.environment), capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command, cwd=ROOT, env=dict(self.environment), capture_output=True, text=True, check=False
+        )
         if check and done.returncode != 0:
             raise AssertionError(f"{' '.join(command)} failed:\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
         return done.stdout

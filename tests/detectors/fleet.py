@@ -57,6 +57,8 @@ def history(
         case[n // 2] += 1.0
         discharge[n // 3] -= 40.0
     zero = offset + rng.normal(0, 0.006, n)
+    if not with_reservoir:
+        zero += reservoir - PUMP.nominal_reservoir_pressure_bar  # the zero is taken against the nominal value then
     observations = []
     for i in range(n):
         means = {
@@ -68,7 +70,7 @@ def history(
         if with_reservoir:
             means["reservoir_pressure_bar"] = Mean(float(reservoir[i] + rng.normal(0, 0.004)), 0.001)
         window = Window(WindowKind.ZERO_FLOW, 60.0, 120.0, True, None, means)
-        found = Zero(float(zero[i]), 0.008, True) if with_zero else Zero(0.0, 0.06, False)
+        found = Zero(float(zero[i]), 0.008 if with_reservoir else 0.1, True) if with_zero else Zero(0.0, 0.06, False)
         observations.append(
             Observation(
                 record_id=f"r{i:04d}",
