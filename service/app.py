@@ -84,6 +84,7 @@ def opened(settings: Settings) -> Context:
     behind = pending_migration(database)
     if behind is not None:
         if not database.is_sqlite:
+            database.close()
             raise RuntimeError(behind)
         upgrade(settings.effective_database_url)
     raw_store = RawStore(settings.effective_raw_store_url)

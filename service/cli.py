@@ -61,7 +61,8 @@ def main(
             structlog.processors.format_exc_info,
             structlog.processors.JSONRenderer(),
         ],
-        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
+        # asked for at every call: a test or a supervisor may have put another stream in its place
+        logger_factory=lambda *_: structlog.PrintLogger(sys.stderr),
     )
 
 

@@ -65,6 +65,7 @@ def _engine(url: str) -> Engine:
     # a dead peer must not hang a request: connect_timeout alone does not cover an established connection
     options = {
         "connect_timeout": _CONNECT_TIMEOUT_S,
+        "client_encoding": "utf8",
         "keepalives": 1,
         "keepalives_idle": 10,
         "keepalives_interval": 5,

@@ -92,6 +92,8 @@ _templates.globals |= {
     "version": __version__,
 }
 _templates.filters["day"] = lambda instant: f"{_instant(instant):%d %b %Y %H:%M} UTC" if instant else "–"
+# "+ 0.0" turns a rounded minus zero into zero
+_templates.filters["number"] = lambda value, digits: f"{round(value, digits) + 0.0:.{digits}f}"
 _templates.filters["date"] = lambda instant: f"{_instant(instant):%d %b %Y}" if instant else "–"
 
 

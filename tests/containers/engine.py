@@ -26,7 +26,7 @@ mkdir -p "$PGDATA" /run/postgresql && chown -R postgres:postgres /var/lib/postgr
 if [ ! -s "$PGDATA/PG_VERSION" ]; then
   printf '%s' "$POSTGRES_PASSWORD" > /tmp/pw && chown postgres /tmp/pw
   setpriv --reuid=postgres --regid=postgres --init-groups \
-    initdb -D "$PGDATA" -U "$POSTGRES_USER" -A scram-sha-256 --pwfile=/tmp/pw >/dev/null
+    initdb -D "$PGDATA" -U "$POSTGRES_USER" -E UTF8 --locale=C -A scram-sha-256 --pwfile=/tmp/pw >/dev/null
   rm /tmp/pw
   echo "host all all all scram-sha-256" >> "$PGDATA/pg_hba.conf"
   echo "CREATE DATABASE \\"$POSTGRES_DB\\";" | setpriv --reuid=postgres --regid=postgres --init-groups \
