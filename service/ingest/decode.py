@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Invalid, Undecodable, UnknownType
-from service.ingest import csv_format, json_format
+from service.ingest import csv_format, hdf5_format, json_format, parquet_format
 from service.ingest.inflate import GZIP_MAGIC, inflated
 from service.ingest.metadata import RecordMetadata, checked_metadata
 from service.ingest.raw import RawRecord
@@ -16,7 +16,8 @@ from service.ingest.validation import channel_faults
 from twin.pumps import PUMP_TYPES, pump_type
 from twin.recording import Recording
 
-_ADAPTERS: tuple[ModuleType, ...] = (csv_format, json_format)
+_ADAPTERS: tuple[ModuleType, ...] = (parquet_format, hdf5_format, json_format, csv_format)
+"""One file per format; the order is that of recognition by first bytes, CSV being what remains."""
 _GZIP_TYPES = ("application/gzip", "application/x-gzip")
 _ANY_TYPE = "application/octet-stream"
 DEFAULT_PUMP_TYPE = "h225"
@@ -101,7 +102,7 @@ def _parsed(content: bytes, content_type: str, content_encoding: str, limits: Li
     for adapter in _ADAPTERS:
         if kind in adapter.CONTENT_TYPES:
             return _read(adapter, content, limits)
-    return _read(json_format if content.lstrip()[:1] == b"{" else csv_format, content, limits)
+    return _read(next(a for a in _ADAPTERS if a.recognises(content)), content, limits)
 
 
 def _read(adapter: ModuleType, content: bytes, limits: Limits) -> RawRecord:

@@ -11,6 +11,11 @@ from service.ingest.raw import MOST_FAULTS_OF_A_KIND, RawRecord, capped
 CONTENT_TYPES = ("application/json",)
 
 
+def recognises(content: bytes) -> bool:
+    """Whether the bytes begin like a JSON object."""
+    return content.lstrip()[:1] == b"{"
+
+
 def parsed(content: bytes, max_rows: int) -> RawRecord:
     """Read a JSON record; every bad sample becomes a fault with its channel and index.
 

@@ -19,6 +19,7 @@ from service.raw_store import content_hash
 from twin.pumps import circuit_parameters, pump_type
 
 CONTENT_TYPES = {".csv": "text/csv", ".json": "application/json", ".gz": "application/gzip"}
+"""Suffixes that say it all; Parquet and HDF5 are recognised by their first bytes."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from service.demo.fleet import PUMPS, fleet_records, is_right
 from tests.containers.engine import CannotRunHereError, Engine, engine, probe
 
 ADDRESS = "http://127.0.0.1:18000"
-N_FLIGHTS = 24
+N_FLIGHTS = 40
 pytestmark = [pytest.mark.containers, pytest.mark.timeout(2400)]
 
 

@@ -20,6 +20,8 @@ def sources() -> list[Path]:
 def test_every_dependency_has_a_lower_and_an_upper_bound() -> None:
     extras = [d for group in PROJECT["optional-dependencies"].values() for d in group]
     for dependency in (*PROJECT["dependencies"], *extras):
+        if dependency.startswith("casedrain["):
+            continue
         assert re.search(r">=\d", dependency), dependency
         assert re.search(r"<\d", dependency), dependency
 
@@ -31,7 +33,7 @@ def test_files_stay_readable() -> None:
 def test_the_readme_names_commands_that_exist() -> None:
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M))
     readme = (ROOT / "README.md").read_text()
-    named = set(re.findall(r"\bmake ([a-z-]+)", readme))
+    named = set(re.findall(r"^make ([a-z-]+)", readme, re.M))
     assert {"demo", "test"} <= named <= targets
     for picture in re.findall(r"\]\((docs/[^)]+)\)", readme):
         assert (ROOT / picture).exists(), picture

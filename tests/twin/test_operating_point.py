@@ -1,5 +1,10 @@
 """Operating point against the acceptance sheet, conservation, finite differences and physical directions."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -239,3 +244,23 @@ def test_more_wear_never_lowers_case_flow_or_pressure(T: float, speed: float, sc
 
 def test_ranges_name_every_input_but_the_reservoir() -> None:
     assert set(RANGES) | {"reservoir_pressure_bar"} == set(INPUTS)
+
+
+def test_interpreted_kernels_give_what_compiled_ones_give() -> None:
+    """Python checks every index that compiled code does not."""
+    code = (
+        "from twin.pumps import *; from twin.operating_point import *; from twin.condition import *;"
+        "p = operating_point(pump_type('h225').pump, Condition(4600, 50, 0.3, 5.0),"
+        " circuit_parameters('shared_return'), Health(1.3), derivatives=True);"
+        "print(repr(float(p.value('case_pressure_bar')[0])),"
+        " repr(float(p.derivative('case_pressure_bar', 'system_leakage_lpm')[0])))"
+    )
+    root = Path(__file__).resolve().parent.parent.parent
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=root, capture_output=True, text=True, check=True
+    )
+    point = operating_point(PUMP, Condition(4600, 50, 0.3, 5.0), BENCH, Health(1.3), derivatives=True)
+    slope = point.derivative("case_pressure_bar", "system_leakage_lpm")[0]
+    interpreted = [float(word) for word in done.stdout.split()]
+    assert interpreted == pytest.approx([value(point, "case_pressure_bar"), slope], rel=1e-6)
