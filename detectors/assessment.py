@@ -18,7 +18,7 @@ from detectors.filter_bank import (
     with_onsets,
     with_reset,
 )
-from detectors.isolation import Alarm, Decision, Evidence, decided, evidence
+from detectors.isolation import Alarm, Decision, decided, evidence
 from detectors.observation import History, Maintenance, Observation, Window
 from detectors.residuals import (
     TEMPERATURE_SD_K,
@@ -29,7 +29,7 @@ from detectors.residuals import (
     window_residuals,
 )
 from detectors.state_model import Scene
-from detectors.verdict import SIDE_OF, Assessment, Estimate, Quality, Side, State, Verdict
+from detectors.verdict import SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
 from twin.condition import Health
 from twin.operating_point import operating_point
 from twin.parameters import Circuit, PumpType
@@ -101,7 +101,8 @@ def assess(
             trend = _measured_trend(observation, window, pump, circuit)
         progress, verdict = _concluded(progress, observation, pump, circuit, thresholds, leakage)
         if trend:
-            trend |= dict(verdict.estimates)
+            known = {*verdict.minimum_detectable, "case_flow_at_reference_lpm"}
+            trend |= {name: value for name, value in verdict.estimates.items() if name in known}
         assessments.append(Assessment(observation.record_id, observation.at, trend, verdict))
     return tuple(assessments)
 
@@ -230,13 +231,14 @@ def _concluded(
     since = observation.at
     if previous is not None and previous.state is decision.state and previous.since is not None:
         since = previous.since
-    verdict = _verdict(decision, found, values, smallest, quality, since, limit, max(missing, 0))
+    probabilities = UNINFORMED if decision.state is State.INSUFFICIENT_DATA else found.probabilities
+    verdict = _verdict(decision, probabilities, values, smallest, quality, since, limit, max(missing, 0))
     return replace(progress, alarm=alarm, verdict=verdict), verdict
 
 
 def _verdict(
     decision: Decision,
-    found: Evidence,
+    probabilities: Mapping[State, float],
     values: Mapping[str, Estimate],
     smallest: Mapping[str, float],
     quality: Quality,
@@ -249,8 +251,8 @@ def _verdict(
         state=state,
         side=_side(decision),
         since=since,
-        confidence=max(found.probabilities.values()),
-        probabilities=found.probabilities,
+        confidence=max(probabilities.values()),
+        probabilities=probabilities,
         candidates=decision.candidates,
         secondary=None,
         sensor="case_pressure_bar" if state is State.SENSOR_FAULT else None,

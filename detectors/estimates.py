@@ -49,7 +49,7 @@ def estimates(
 ) -> tuple[dict[str, Estimate], dict[str, float]]:
     """Changes since the baseline with 90 % intervals, and the smallest change that would be found.
 
-    Before the baseline is set there is no change to speak of: only the case flow is estimated then.
+    Before the baseline is set a change is as unknown as its prior, and nothing has a smallest size yet.
 
     ``weights`` are the filters' posterior shares, shape (m,); ``leakage_lpm`` is ``nominal_leakage_lpm``.
     """
@@ -66,8 +66,9 @@ def estimates(
         means, sds = _in_units(bank, quantity, leakage_lpm)
         resolution = _resolution(bank, number[kinds[0]], sds)
         if resolution is None:
-            continue
-        smallest[quantity] = math.sqrt(2.0 * _ODDS_TO_FIND) * resolution
+            resolution = _prior_spread(quantity, FAULT_KINDS[number[kinds[0]]].scale, leakage_lpm)
+        else:
+            smallest[quantity] = math.sqrt(2.0 * _ODDS_TO_FIND) * resolution
         rest = 1.0 - float(weights[places].sum())
         mean = float(weights[places] @ means[places])
         second = float(weights[places] @ (sds[places] ** 2 + means[places] ** 2)) + rest * resolution**2
@@ -89,6 +90,13 @@ def _in_units(bank: Bank, quantity: str, leakage_lpm: float) -> tuple[Array, Arr
         growth = np.exp(np.clip(amplitude, -3.0, 3.0))
         return 100.0 * (growth - 1.0), 100.0 * growth * sd
     return amplitude, sd
+
+
+def _prior_spread(quantity: str, scale: float, leakage_lpm: float) -> float:
+    """One-sigma size of a fault of this kind before anything is known of it, in the quantity's unit."""
+    if quantity == "pump_leakage_change_lpm":
+        return leakage_lpm * scale
+    return 100.0 * scale if quantity == "drain_resistance_change_percent" else scale
 
 
 def _resolution(bank: Bank, kind: int, sds: Array) -> float | None:

@@ -48,6 +48,9 @@ FAULTS: tuple[State, ...] = (
 )
 """States that compete with ``healthy`` by evidence."""
 
+UNINFORMED: Mapping[State, float] = dict.fromkeys((State.HEALTHY, *FAULTS), 1.0 / (1 + len(FAULTS)))
+"""Probabilities before a baseline allows any comparison: every answer alike."""
+
 ESTIMATES: Mapping[str, str] = {
     "pump_leakage_change_lpm": "L/min",
     "system_leakage_change_lpm": "L/min",
@@ -91,8 +94,7 @@ class Quality:
 class Verdict:
     """The answer for one pump at one event time.
 
-    ``probabilities`` has an entry for ``healthy`` and each of ``FAULTS`` and sums to 1; it is empty for
-    ``insufficient_data`` without records.
+    ``probabilities`` has an entry for ``healthy`` and each of ``FAULTS`` and sums to 1.
     """
 
     state: State

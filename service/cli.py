@@ -76,7 +76,7 @@ def demo(
     ] = False,
 ) -> None:
     """Simulate a small fleet, upload it through the API, show its verdicts, leave the server running."""
-    from service.demo.run import compare, free_port, served, upload_fleet  # noqa: PLC0415 - heavy, and only here
+    from service.demo.run import compare, free_port, operator_of, served, upload_fleet  # noqa: PLC0415 - heavy, and only here
 
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(40))
     host = "127.0.0.1"
@@ -87,7 +87,7 @@ def demo(
         with served(settings, host, place) as address:
             with Client(address) as client:
                 upload_fleet(client, flights, seed, console)
-                good = compare(client, console)
+                good = compare(client, operator_of(flights, seed), console)
             console.print(f"Fleet page: [bold]{address}/[/]   API: {address}/openapi.json", highlight=False)
             if not exit_:
                 console.print("The server keeps running; stop it with Ctrl-C.")

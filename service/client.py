@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Mapping
 from types import TracebackType
 from typing import Any, Self
+from urllib.parse import quote
 
 import httpx2
 
@@ -83,9 +84,11 @@ class Client:
             if cursor is None:
                 return
 
-    def verdict(self, serial: str) -> dict[str, Any]:
-        """Verdict of one pump now."""
-        return self._json("GET", f"/pumps/{serial}/verdict")
+    def verdict(self, serial: str, operator: str | None = None) -> dict[str, Any]:
+        """Verdict of one pump now; ``operator`` tells apart pumps of the same serial number."""
+        return self._json(
+            "GET", f"/pumps/{quote(serial, '')}/verdict", params={"operator": operator} if operator else {}
+        )
 
     def is_ready(self) -> bool:
         """Whether the service can do its work."""

@@ -63,18 +63,23 @@ def upload_fleet(client: Client, n_flights: int, seed: int, console: Console) ->
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("flights uploaded", total=n_flights * len(PUMPS))
         for record in fleet_records(n_flights, seed):
-            client.upload(record.content)
+            client.upload(record.content, metadata={"operator": operator_of(n_flights, seed)})
             progress.advance(task)
 
 
-def compare(client: Client, console: Console) -> bool:
+def operator_of(n_flights: int, seed: int) -> str:
+    """Operator whose name tells one simulated fleet from another: both may be tried on one database."""
+    return f"demo-{seed}-{n_flights}"
+
+
+def compare(client: Client, operator: str, console: Console) -> bool:
     """Print every pump's verdict beside the truth; True when no healthy pump is accused and all others are right."""
     table = Table(title="Verdicts beside the truth")
     for heading in ("pump", "where", "truth", "verdict", "side", "probability", "agrees"):
         table.add_column(heading)
     good = True
     for pump in PUMPS:
-        verdict = client.verdict(pump.serial)
+        verdict = client.verdict(pump.serial, operator)
         right = is_right(pump.truth, verdict)
         good = good and right
         words = WORDS[verdict["state"]]

@@ -11,7 +11,7 @@ from detectors.assessment import assess
 from detectors.observation import History, Observation, Reduction, Window, WindowKind
 from detectors.reduction import reduce_recording
 from detectors.residuals import window_residuals
-from detectors.verdict import SIDE_OF, Quality, State, Verdict
+from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
 from detectors.wording import advice
 from service.monitoring.codec import (
     reduction_from_json,
@@ -113,8 +113,8 @@ def empty_verdict(kind: str, thresholds: Effective) -> dict[str, Any]:
         state=state,
         side=SIDE_OF[state],
         since=None,
-        confidence=0.0,
-        probabilities={},
+        confidence=max(UNINFORMED.values()),
+        probabilities=UNINFORMED,
         candidates=(),
         secondary=None,
         sensor=None,

@@ -10,7 +10,7 @@ import pytest
 from detectors.assessment import assess
 from detectors.observation import History, Maintenance
 from detectors.thresholds import effective
-from detectors.verdict import FAULTS, Assessment, Side, State
+from detectors.verdict import ESTIMATES, FAULTS, Assessment, Side, State
 from tests.detectors.fleet import CIRCUIT, PUMP, history
 from tests.detectors.fleet import FAULTS as SIMULATED
 
@@ -92,6 +92,9 @@ def test_probabilities_and_sides_are_consistent() -> None:
         assert sum(verdict.probabilities.values()) == pytest.approx(1.0)
         assert set(verdict.probabilities) == {State.HEALTHY, *FAULTS}
         assert verdict.confidence == max(verdict.probabilities.values())
+        assert set(verdict.estimates) == set(ESTIMATES)
+        if verdict.state is State.INSUFFICIENT_DATA:
+            assert len(set(verdict.probabilities.values())) == 1
         assert bool(verdict.candidates) == (verdict.state is State.INDETERMINATE)
         if verdict.state is State.HEALTHY:
             assert verdict.side is Side.NONE
