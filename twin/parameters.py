@@ -30,11 +30,21 @@ class Slipper(NamedTuple):
 
 
 class PortPlate(NamedTuple):
-    """Gap between barrel and port plate; ``shape`` is arc length over land width of one kidney's lands."""
+    """Gap between barrel and port plate, and the kidneys that the chambers pass.
+
+    ``shape`` is arc length over land width of one kidney's lands. A chamber's port opens ``phi_seal`` after dead
+    centre plus the delay ``phi_commutation``, over a ramp ``phi_ramp`` to the full area, and closes alike;
+    ``dP_laminar`` is the pressure difference below which its flow is laminar.
+    """
 
     h: float
     shape: float
     phi_commutation: float
+    phi_seal: float
+    phi_ramp: float
+    A_port: float
+    C_q: float
+    dP_laminar: float
 
 
 class Swashplate(NamedTuple):
@@ -42,6 +52,9 @@ class Swashplate(NamedTuple):
 
     alpha_max: float
     J: float
+    damping: float
+    k_stop: float
+    d_stop: float
 
 
 class Compensator(NamedTuple):
@@ -69,6 +82,17 @@ class Compensator(NamedTuple):
     k_rate: float
     L_rate: float
     spring_softening: float
+    m_spool: float
+    damping: float
+
+
+class Volumes(NamedTuple):
+    """Fluid volumes that turn flow into pressure."""
+
+    discharge: float
+    case: float
+    return_line: float
+    control: float
 
 
 class Friction(NamedTuple):
@@ -86,6 +110,7 @@ class Pump(NamedTuple):
     port_plate: PortPlate
     swashplate: Swashplate
     compensator: Compensator
+    volumes: Volumes
     friction: Friction
     fluid: Fluid
 

@@ -5,7 +5,8 @@ Up to the tilt stop s is the tilt alpha itself; beyond it alpha stays at the sto
 control pressure has fallen below what would hold the plate there, so that the regulated and the fully tilted
 pump are one smooth problem.
 
-Averages over a revolution, all derived: half of the pistons see P_d and half the suction pressure; the mean of
+Averages over a revolution, all derived: half of the pistons see P_d and half the suction pressure, changing over
+at the commutation angles of ``twin.parts.port_plate``; the mean of
 1/length over a stroke is ``1/sqrt(l^2 - (R tan alpha)^2)``; the drag (Couette) flow of a piston has no mean
 over a revolution but carries fluid from the discharge to the suction half. Flows count volume at ambient
 density, so that mass is conserved although the fluid is compressible.
@@ -18,10 +19,11 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.laws.bench import drain_pressure_drop, return_pressure_drop
-from twin.laws.fluid import P_ATMOSPHERE, density, dynamic_viscosity, gap_viscosity, kinematic_viscosity
+from twin.laws.fluid import P_ATMOSPHERE, bulk_modulus, density, dynamic_viscosity, gap_viscosity, kinematic_viscosity
 from twin.laws.gap import annular_gap_flow, land_conductance, port_plate_gap_flow, throttled_land_flow
 from twin.laws.orifice import turbulent_flow
 from twin.parameters import Circuit, Compensator, Pump
+from twin.parts.port_plate import commutation_angle
 from twin.units import (
     KELVIN_AT_0_DEGC,
     M3_PER_S_PER_LPM,
@@ -45,10 +47,11 @@ Vector = NDArray[np.float64]
 
 
 @compiled
-def _opening(y: float, c: float) -> float:
-    """Opening of a metering edge at underlap y with rounding c [m]: y when open, fading as c^2/(4|y|) when closed."""
+def edge_opening(y: float, c: float) -> tuple[float, float]:
+    """Opening of a metering edge at underlap y with rounding c [m], and its slope: y when open, c^2/(4|y|) closed."""
     root = math.sqrt(y * y + c * c)
-    return 0.5 * (y + root) if y > 0.0 else 0.5 * c * c / (root - y)
+    opening = 0.5 * (y + root) if y > 0.0 else 0.5 * c * c / (root - y)
+    return opening, opening / root
 
 
 @compiled
@@ -57,9 +60,9 @@ def control_flows(
 ) -> tuple[float, float, float]:
     """Flows at the control volume [m3/s]: in from discharge, out over the spool, out past the stroking piston."""
     w = comp.C_q * comp.w_edge
-    inflow = turbulent_flow(P_d, P_ctrl, w * _opening(x - comp.x_overlap, comp.c_edge), rho)
+    inflow = turbulent_flow(P_d, P_ctrl, w * edge_opening(x - comp.x_overlap, comp.c_edge)[0], rho)
     inflow += annular_gap_flow(P_d, P_ctrl, mu_in, comp.d_spool, comp.c_spool, comp.l_seal_discharge, 0.0, 0.0)
-    out_spool = turbulent_flow(P_ctrl, P_c, w * _opening(-x - comp.x_overlap, comp.c_edge), rho)
+    out_spool = turbulent_flow(P_ctrl, P_c, w * edge_opening(-x - comp.x_overlap, comp.c_edge)[0], rho)
     out_spool += annular_gap_flow(P_ctrl, P_c, mu_out, comp.d_spool, comp.c_spool, comp.l_seal_case, 0.0, 0.0)
     bleed = turbulent_flow(P_ctrl, P_c, comp.C_q * 0.25 * math.pi * comp.d_bleed**2, rho)
     d_stroke = math.sqrt(4.0 * comp.A_stroke / math.pi)
@@ -68,18 +71,21 @@ def control_flows(
 
 
 @compiled
-def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float) -> float:
+def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float, delays: float) -> float:
     """Control minus case pressure that the plate's torque balance asks for at tilt coordinate s [Pa].
 
     Rate spring and piston inertia drive the tilt up; the commutation delay and the stroking piston down.
+    ``delays`` is the sum of the sines of the commutation angles at both dead centres: the pressure of a chamber is
+    up from one to the other, and the mean of the piston's torque arm over that half turn is minus their sum.
     Beyond the stop the difference falls off exponentially, continuous in value and slope, and never negative.
     """
     comp, piston = pump.compensator, pump.piston
     alpha = min(s, pump.swashplate.alpha_max)
     t = math.tan(alpha)
     t_max = math.tan(pump.swashplate.alpha_max)
-    inertia = 0.5 * piston.n * piston.m * (piston.R * omega) ** 2 * t * (1.0 + t * t)
-    commutation = piston.n / math.pi * math.sin(pump.port_plate.phi_commutation) * _area(piston.d_p) * piston.R * dP
+    # every torque carries the same 1 + tan^2(alpha) of its lever; it cancels
+    inertia = 0.5 * piston.n * piston.m * (piston.R * omega) ** 2 * t
+    commutation = piston.n / (2.0 * math.pi) * delays * _area(piston.d_p) * piston.R * dP
     torque = comp.F_rate * comp.L_rate + comp.k_rate * comp.L_rate**2 * (t_max - t) + inertia - commutation
     held = torque / (comp.A_stroke * comp.L_stroke)
     beyond = s - pump.swashplate.alpha_max
@@ -142,7 +148,12 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     throttled = row[16] * _LPM * math.sqrt(max(P_d - P_c, 0.0) / P_THROTTLED)
     plate_s = k_plate * port_plate_gap_flow(P_s, P_c, mu_s, plate.h, plate.shape)
 
-    dP_ctrl = control_pressure_difference(pump, s, omega, P_d - P_s)
+    B = bulk_modulus(fluid, T, P_ATMOSPHERE)
+    swing = A_p * piston.R * t
+    rising = commutation_angle(plate, V_max, swing, 0.0, P_d - P_s, B, rho, omega)
+    falling = commutation_angle(plate, V_min, swing, (piston_d + slipper_d) / half, P_d - P_s, B, rho, omega)
+    delays = math.sin(rising) + math.sin(falling)
+    dP_ctrl = control_pressure_difference(pump, s, omega, P_d - P_s, delays)
     P_ctrl = P_c + dP_ctrl
     inflow, out_spool, out_stroke = control_flows(
         comp, P_d, P_ctrl, P_c, x, rho, gap_viscosity(fluid, T, P_d, P_ctrl), gap_viscosity(fluid, T, P_ctrl, P_c)
@@ -163,7 +174,9 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     nu_ratio = kinematic_viscosity(fluid, T) / kinematic_viscosity(fluid, T_50)
     drop = drain_pressure_drop(Q_c, k_c, circuit.w_nu + row[13], circuit.w_Q + row[14], nu_ratio, circuit.Q_ref)
 
-    jet = 2.0 * comp.C_q * comp.cos_jet * comp.w_edge * _opening(x - comp.x_overlap, comp.c_edge) * (P_d - P_ctrl)
+    jet = (
+        2.0 * comp.C_q * comp.cos_jet * comp.w_edge * edge_opening(x - comp.x_overlap, comp.c_edge)[0] * (P_d - P_ctrl)
+    )
     preload = comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[11] * _BAR * comp.A_spool
     spring = preload + comp.k_spool * comp.x_zero + comp.k_spool * row[15] * (x - comp.x_zero)
 

@@ -36,6 +36,7 @@ SI_PER_UNIT: dict[str, float] = {
     "N m": 1.0,
     "N m s": 1.0,
     "N s/m": 1.0,
+    "N m/rad": 1.0,
     "K": 1.0,
     "kg/m3": 1.0,
     "kg/(m3 K)": 1.0,

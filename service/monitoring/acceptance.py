@@ -87,9 +87,11 @@ class Acceptance:
         row = _new_row(upload, operator, digest, request_hash)
         try:
             with self._database.writing() as session:
-                refused = session.get(Record, row.id)
-                if refused is not None and refused.status == REFUSED:
-                    session.delete(refused)
+                earlier = session.get(Record, row.id)
+                if earlier is not None and earlier.status != REFUSED:
+                    return row.id, True
+                if earlier is not None:
+                    session.delete(earlier)
                     session.flush()
                 session.add(row)
         except IntegrityError:

@@ -46,6 +46,24 @@ def density(fluid: Fluid, T: float, P: float) -> float:
 
 
 @compiled
+def relative_density(p: float, B_0: float, gain: float) -> float:
+    """Density over its value at ambient pressure [-] at gauge pressure p, with B_0 the modulus there."""
+    return 1.0 + p / (B_0 + gain * p)
+
+
+@compiled
+def gauge_pressure(w: float, B_0: float, gain: float) -> float:
+    """Inverse of ``relative_density`` [Pa]."""
+    return (w - 1.0) * B_0 / (1.0 - gain * (w - 1.0))
+
+
+@compiled
+def relative_compressibility(p: float, B_0: float, gain: float) -> float:
+    """Slope of ``relative_density`` [1/Pa]."""
+    return B_0 / (B_0 + gain * p) ** 2
+
+
+@compiled
 def dynamic_viscosity(fluid: Fluid, T: float, P: float) -> float:
     """Dynamic viscosity [Pa s]: ambient value times Barus' exp(alpha (P - P_atm))."""
     rho_0 = fluid.rho_ref + fluid.rho_slope * (T - fluid.T_ref)

@@ -20,6 +20,7 @@ from twin.parameters import (
     Sensor,
     Slipper,
     Swashplate,
+    Volumes,
     block,
 )
 
@@ -37,7 +38,7 @@ PISTON: Mapping[str, Quantity] = {
     "m": Quantity(20.0, "g", "estimate: steel piston of that size with its slipper", 0.3),
 }
 SLIPPER: Mapping[str, Quantity] = {
-    "h": Quantity(8.7433, "um", _SHEET, 0.1),
+    "h": Quantity(8.74298, "um", _SHEET, 0.1),
     "diameter_ratio": Quantity(1.45, "-", "Mkadara 2020, table 2-10"),
     "d_throttle": Quantity(0.67, "mm", "estimate: one geometry that meets table 2-13"),
     "C_q": Quantity(0.7, "-", "usual limit coefficient of a short orifice"),
@@ -46,16 +47,26 @@ PORT_PLATE: Mapping[str, Quantity] = {
     "h": Quantity(3.43, "um", "Mkadara 2020, table 3-9 (average of scattered fits)", 0.9),
     "shape": Quantity(30.0, "-", "estimate: two lands of 150 deg at 17.5 mm radius, 3 mm wide", 0.3),
     "phi_commutation": Quantity(0.02, "rad", "estimate: delay of the pressure in the chambers", 0.5),
+    "phi_seal": Quantity(2.0, "deg", "estimate: sealing land a little wider than the chamber's port", 0.5),
+    "phi_ramp": Quantity(20.0, "deg", "estimate: timing groove and kidney end", 0.5),
+    "A_port": Quantity(40.0, "mm2", "estimate: half of the piston's area", 0.3),
+    "C_q": Quantity(0.7, "-", "usual limit coefficient of a sharp edge"),
+    "dP_laminar": Quantity(0.02, "bar", "estimate: transition near Re 1000 in a port of some millimetres", 0.5),
 }
 SWASHPLATE: Mapping[str, Quantity] = {
     "alpha_max": Quantity(0.264, "rad", "Mkadara 2020, table 3-9", 0.013),
     "J": Quantity(2.5e-4, "kg m2", _EST, 0.3),
+    "damping": Quantity(0.5, "N m s", "estimate: bearings and churning; damps the regulated pressure", 0.5),
+    "k_stop": Quantity(1.0e5, "N m/rad", "estimate: steel stop, 0.01 rad at 1 kN m", 0.5),
+    "d_stop": Quantity(20.0, "N m s", "estimate: stops without rebound", 0.5),
 }
 COMPENSATOR: Mapping[str, Quantity] = {
     "A_spool": Quantity(28.0, "mm2", "estimate: 500 N of jamming hold against 175 bar, section 2.5.3.2", 0.1),
-    "F_preload": Quantity(461.173, "N", _SHEET, 0.005),
-    "k_spool": Quantity(62.452, "N/mm", _DROOP, 0.5),
-    "x_zero": Quantity(0.40247, "mm", "spool position of the healthy pump at zero flow and 50 degC (our own solution)"),
+    "F_preload": Quantity(461.286, "N", _SHEET, 0.005),
+    "k_spool": Quantity(65.6654, "N/mm", _DROOP, 0.5),
+    "x_zero": Quantity(
+        0.382893, "mm", "spool position of the healthy pump at zero flow and 50 degC (our own solution)"
+    ),
     "w_edge": Quantity(0.20, "mm", _DROOP, 0.5),
     "c_edge": Quantity(5.0, "um", "estimate: sharp edge, rounded by a clearance", 0.5),
     "x_overlap": Quantity(10.0, "um", "estimate: closed-centre valve, section 2.5.1.1", 0.5),
@@ -69,15 +80,25 @@ COMPENSATOR: Mapping[str, Quantity] = {
     "L_stroke": Quantity(28.0, "mm", _EST),
     "b_stroke": Quantity(8.0, "um", "estimate: usual clearance of a servo piston", 0.5),
     "l_stroke": Quantity(15.0, "mm", _EST),
-    "d_bleed": Quantity(0.37759, "mm", _SHEET, 0.2),
-    "F_rate": Quantity(390.54, "N", "1 kN at zero tilt less the spring's travel", 0.3),
-    "k_rate": Quantity(80.525, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
+    "d_bleed": Quantity(0.396525, "mm", _SHEET, 0.2),
+    "F_rate": Quantity(431.535, "N", "1 kN at zero tilt less the spring's travel", 0.3),
+    "k_rate": Quantity(75.1078, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
     "L_rate": Quantity(28.0, "mm", _EST),
     "spring_softening": Quantity(0.0, "1/K", "not modelled: no temperature series of the setting is published"),
+    "m_spool": Quantity(10.0, "g", "estimate: steel spool with a third of its spring", 0.3),
+    "damping": Quantity(20.0, "N s/m", "estimate: viscous drag of the lands", 0.5),
+}
+VOLUMES: Mapping[str, Quantity] = {
+    "discharge": Quantity(0.45, "L", f"{_EST}: 0.3 to 0.6 L sets the peak of a load step", 0.3),
+    "case": Quantity(0.8, "L", "estimate: housing less the rotating group", 0.3),
+    "return_line": Quantity(0.5, "L", "estimate: hose and fittings", 0.5),
+    "control": Quantity(4.0, "cm3", "estimate: bore and gallery of the stroking piston", 0.3),
 }
 FRICTION: Mapping[str, Quantity] = {
     "torque_viscous_ref": Quantity(1.0, "N m", _SHEET, 0.3),
-    "torque_pressure": Quantity(0.04956, "cm3", f"{_SHEET}: N m of Coulomb friction per Pa of discharge pressure", 0.3),
+    "torque_pressure": Quantity(
+        0.049564, "cm3", f"{_SHEET}: N m of Coulomb friction per Pa of discharge pressure", 0.3
+    ),
 }
 
 _PARTS: Mapping[str, Mapping[str, Quantity]] = {
@@ -86,6 +107,7 @@ _PARTS: Mapping[str, Mapping[str, Quantity]] = {
     "port_plate": PORT_PLATE,
     "swashplate": SWASHPLATE,
     "compensator": COMPENSATOR,
+    "volumes": VOLUMES,
     "friction": FRICTION,
     "fluid": MIL_PRF_83282,
 }
@@ -119,6 +141,7 @@ H225 = PumpType(
         port_plate=block(PortPlate, PORT_PLATE),
         swashplate=block(Swashplate, SWASHPLATE),
         compensator=block(Compensator, COMPENSATOR),
+        volumes=block(Volumes, VOLUMES),
         friction=block(Friction, FRICTION),
         fluid=FLUIDS["MIL-PRF-83282"],
     ),

@@ -1,0 +1,1 @@
+"""The transient pump: every chamber, compensator, swashplate and circuit over time."""
