@@ -28,7 +28,7 @@ N = int(PUMP.piston.n)
 def cvode_means(condition: Condition, health: Health, run: SteadyRun, revolutions: int = 2) -> dict[str, float]:
     """Continue from the last state of a run with CVODE (rtol 1e-9) and average over whole revolutions."""
     scene = scene_of(PUMP, BENCH, input_rows([condition], [health])[0], 0.0)
-    scales, chambers = np.ones((N, 2)), np.empty((N, 11))
+    scales, chambers = np.ones((N, 2)), np.empty((N, 12))
     # scaled states, so that one tolerance fits pressures and spool positions alike
     scale = np.concatenate((np.full(N + 4, 1e5), [1e-4, 1e-2, 1e-2, 1.0]))
 

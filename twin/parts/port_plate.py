@@ -49,9 +49,13 @@ def opening(plate: PortPlate, phi: float) -> float:
     ``phi`` is the chamber's angle past the dead centre at which the kidney begins [rad, any]; the area is
     periodic, continuous in value and slope, and 0 on the sealing lands.
     """
-    phi = (phi - plate.phi_commutation) % (2.0 * math.pi)
-    if phi >= math.pi:
-        return 0.0
-    rising = _smooth_step((phi - plate.phi_seal) / plate.phi_ramp)
-    falling = _smooth_step((math.pi - plate.phi_seal - phi) / plate.phi_ramp)
+    delayed = (phi - plate.phi_commutation) % (2.0 * math.pi)
+    return window(plate, delayed) if delayed < math.pi else 0.0
+
+
+@compiled
+def window(plate: PortPlate, delayed: float) -> float:
+    """Open area at an angle between 0 and pi past the delayed dead centre [m2]."""
+    rising = _smooth_step((delayed - plate.phi_seal) / plate.phi_ramp)
+    falling = _smooth_step((math.pi - plate.phi_seal - delayed) / plate.phi_ramp)
     return plate.A_port * min(rising, falling)

@@ -17,7 +17,7 @@ from twin.laws.fluid import P_ATMOSPHERE, bulk_modulus, density, gap_viscosity, 
 from twin.laws.orifice import smooth_orifice_conductance
 from twin.parameters import Circuit, Pump
 from twin.parts.piston import chamber_volume, volume_by_tilt, volume_rate_by_rotation
-from twin.parts.port_plate import opening
+from twin.parts.port_plate import window
 from twin.parts.swashplate import inertia_torque, spring_torque, stop_torque, stroking_arm
 from twin.steady_state import T_50, edge_opening
 from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
@@ -204,10 +204,11 @@ def shared_network(pump: Pump, circuit: Circuit, scene: Scene, z: Vector) -> Sha
 def chamber_network(
     pump: Pump, scene: Scene, y: Vector, n: int, theta: float, scales: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None:
-    """Passages of every chamber into ``out``, shape (n, 7).
+    """Passages of every chamber into ``out``, shape (n, at least 9).
 
     Columns: conductance to discharge, to suction, to the case; drag flow to the case [m3/s]; volume [m3]; its rate
-    by rotation [m3/s]; its slope by tilt [m3/rad]. ``scales`` (n, 2) multiply each piston's and slipper's leakage.
+    by rotation [m3/s]; its slope by tilt [m3/rad]; cosine and sine of the piston's angle. ``scales`` (n, 2) multiply
+    each piston's and each slipper's leakage.
     """
     piston, slipper, plate = pump.piston, pump.slipper, pump.port_plate
     P_c, alpha = y[n + P_C], y[n + ALPHA]
@@ -216,17 +217,19 @@ def chamber_network(
     ring = math.pi * piston.d_p * piston.b**3 / 12.0
     land = math.pi * slipper.h**3 / (6.0 * math.log(slipper.diameter_ratio))
     K = slipper.C_q * 0.25 * math.pi * slipper.d_throttle**2 * math.sqrt(2.0 / scene.rho)
+    # the next piston's angle by rotation: one sine and cosine for all of them
+    c, s = math.cos(theta), math.sin(theta)
+    turn_c, turn_s = math.cos(2.0 * math.pi / n), math.sin(2.0 * math.pi / n)
+    delayed = (theta - plate.phi_commutation) % (2.0 * math.pi)
     for k in range(n):
-        phi = theta + 2.0 * math.pi * k / n
-        c, s = math.cos(phi), math.sin(phi)
         P = y[k]
-        a_d, a_s = opening(plate, phi), opening(plate, phi - math.pi)
-        out[k, 0] = (
-            smooth_orifice_conductance(P - P_d, plate.C_q * a_d, scene.rho, plate.dP_laminar) if a_d > 0 else 0.0
-        )
-        out[k, 1] = (
-            smooth_orifice_conductance(P - scene.P_s, plate.C_q * a_s, scene.rho, plate.dP_laminar) if a_s > 0 else 0.0
-        )
+        out[k, 0] = out[k, 1] = 0.0
+        if delayed < math.pi:
+            area = plate.C_q * window(plate, delayed)
+            out[k, 0] = smooth_orifice_conductance(P - P_d, area, scene.rho, plate.dP_laminar)
+        else:
+            area = plate.C_q * window(plate, delayed - math.pi)
+            out[k, 1] = smooth_orifice_conductance(P - scene.P_s, area, scene.rho, plate.dP_laminar)
         mu = scene.mu_0 * math.exp(scene.mu_slope * max(P - P_c, 0.0))
         G = land / mu
         throttled = 2.0 * K * G / (K + math.sqrt(K * K + 4.0 * G * G * abs(P - P_c)))
@@ -236,3 +239,8 @@ def chamber_network(
         out[k, 4] = chamber_volume(piston, t_max, t, c)
         out[k, 5] = volume_rate_by_rotation(piston, t, s, scene.omega)
         out[k, 6] = volume_by_tilt(piston, t, c)
+        out[k, 7], out[k, 8] = c, s
+        c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+        delayed += 2.0 * math.pi / n
+        if delayed >= 2.0 * math.pi:
+            delayed -= 2.0 * math.pi

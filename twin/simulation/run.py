@@ -111,7 +111,7 @@ def run_loop(
 
     Returns the number of steps that went through. Nothing is allocated inside the loop.
     """
-    chambers = np.empty((n, 11))
+    chambers = np.empty((n, 12))
     A, b = np.empty((N_SOLVED, N_SOLVED)), np.empty(N_SOLVED)
     coarse = np.empty(y.shape[0])
     flows, flows_2 = np.empty(N_FLOWS), np.empty(N_FLOWS)

@@ -86,7 +86,7 @@ def step(
 ) -> bool:
     """Advance ``y``, shape (n + 8,), by ``dt`` in place from shaft angle ``theta``; False when it failed.
 
-    ``chambers`` (n, 11), ``A`` (6, 6) and ``b`` (6,) are scratch; ``flows`` (5,) receives the step's flows.
+    ``chambers`` (n, 12), ``A`` (6, 6) and ``b`` (6,) are scratch; ``flows`` (5,) receives the step's flows.
     """
     z = y[n:]
     chamber_network(pump, scene, y, n, theta, scales, chambers)
@@ -109,18 +109,20 @@ def step(
     A[_W_ROW, _W_ROW] = pump.swashplate.J / dt
     b[_W_ROW] = pump.swashplate.J / dt * alpha_dot
 
+    turn_c, turn_s = math.cos(scene.omega * dt), math.sin(scene.omega * dt)
     # chambers: P' = a_0 + a_d P_d' + a_c P_c' + a_w alpha_dot'
     for k in range(n):
         G_d, G_s, G_l, drag, volume, _, tilt = chambers[k, :7]
         p = y[k] - P_ATMOSPHERE
         w = relative_density(p, B, gain)
-        phi = theta + 2.0 * math.pi * k / n
-        turned = chamber_volume(piston, t_max, t, math.cos(phi + scene.omega * dt))
+        c_new = chambers[k, 7] * turn_c - chambers[k, 8] * turn_s
+        chambers[k, 7] = c_new
+        turned = chamber_volume(piston, t_max, t, c_new)
         C = relative_compressibility(p, B, gain) * volume / dt
         D = C + G_d + G_s + G_l
         a_0 = (C * y[k] + G_s * P_s - drag - w * (turned - volume) / dt) / D
         a_d, a_c, a_w = G_d / D, G_l / D, -w * tilt / D
-        chambers[k, 7], chambers[k, 8], chambers[k, 9], chambers[k, 10] = a_0, a_d, a_c, a_w
+        chambers[k, 8], chambers[k, 9], chambers[k, 10], chambers[k, 11] = a_0, a_d, a_c, a_w
         # into P_d: G_d (P' - P_d'); into P_c: G_l (P' - P_c') + drag; on the plate: tilt (P' - P_c')
         A[0, 0] += G_d * (1.0 - a_d)
         A[0, 1] -= G_d * a_c
@@ -182,11 +184,10 @@ def step(
     to_discharge = leaked = torque = drawn = 0.0
     for k in range(n):
         G_d, G_s, G_l, drag, volume, rotation, _ = chambers[k, :7]
-        P = chambers[k, 7] + chambers[k, 8] * Pd + chambers[k, 9] * Pc + chambers[k, 10] * w_new
+        P = chambers[k, 8] + chambers[k, 9] * Pd + chambers[k, 10] * Pc + chambers[k, 11] * w_new
         q_d, q_s, q_l = G_d * (P - Pd), G_s * (P_s - P), G_l * (P - Pc) + drag
         mass = relative_density(y[k] - P_ATMOSPHERE, B, gain) * volume + dt * (q_s - q_d - q_l)
-        phi = theta + 2.0 * math.pi * k / n + scene.omega * dt
-        new_volume = chamber_volume(piston, t_max, t_new, math.cos(phi))
+        new_volume = chamber_volume(piston, t_max, t_new, chambers[k, 7])
         y[k] = max(P_ATMOSPHERE + gauge_pressure(mass / new_volume, B, gain), _FLOOR)
         to_discharge += q_d
         leaked += q_l
