@@ -24,6 +24,7 @@ from twin.laws.gap import annular_gap_flow, land_conductance, port_plate_gap_flo
 from twin.laws.orifice import turbulent_flow
 from twin.parameters import Circuit, Compensator, Pump
 from twin.parts.port_plate import commutation_angle
+from twin.parts.swashplate import commutation_tilt_rate
 from twin.units import (
     KELVIN_AT_0_DEGC,
     M3_PER_S_PER_LPM,
@@ -150,8 +151,16 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
 
     B = bulk_modulus(fluid, T, P_ATMOSPHERE)
     swing = A_p * piston.R * t
-    rising = commutation_angle(plate, V_max, swing, 0.0, P_d - P_s, B, rho, omega)
-    falling = commutation_angle(plate, V_min, swing, (piston_d + slipper_d) / half, P_d - P_s, B, rho, omega)
+    # the plate vibrates in step with the commutations: it comes down on the chamber that is about to be filled
+    arm = A_p * piston.R * (1.0 + t * t)
+    stroking = comp.A_stroke * comp.L_stroke * (1.0 + t * t)
+    stiffness = stroking * stroking * B / pump.volumes.control
+    step = arm * (P_d - P_s)
+    coming = commutation_tilt_rate(piston.n, pump.swashplate.J, pump.swashplate.damping, stiffness, step, omega)
+    stroked = -arm * coming
+    leaking = (piston_d + slipper_d) / half
+    rising = commutation_angle(plate, V_max, swing, stroked, P_d - P_s, B, rho, omega)
+    falling = commutation_angle(plate, V_min, swing, stroked + leaking, P_d - P_s, B, rho, omega)
     delays = math.sin(rising) + math.sin(falling)
     dP_ctrl = control_pressure_difference(pump, s, omega, P_d - P_s, delays)
     P_ctrl = P_c + dP_ctrl

@@ -140,9 +140,8 @@ def stored(y: np.ndarray, theta: float, scene) -> float:  # type: ignore[no-unty
 def test_operating_point_meets_the_transient_mean() -> None:
     """The fast twin against the slow one, over conditions and health.
 
-    Measured over 60 conditions on the day of writing: at most 0.48 bar of discharge pressure (0.1 bar at 5200 rpm,
-    growing as the speed falls), 0.008 bar of case pressure, 2.3 % of case flow. What is left comes from the plate's
-    vibration in step with the commutations, which the averages do not carry yet.
+    Measured over 60 conditions on the day of writing: at most 0.27 bar of discharge pressure (0.09 bar in the mean),
+    0.014 bar of case pressure, 1.9 % of case flow.
     """
     rng = np.random.default_rng(21)
     for _ in range(12):
@@ -156,9 +155,9 @@ def test_operating_point_meets_the_transient_mean() -> None:
         run = steady_run(PUMP, condition, BENCH, health, settle_revolutions=120)
         point = operating_point(PUMP, condition, BENCH, health)
         assert run.status == RUN_OK
-        for name, tolerance in (("discharge_pressure_bar", 0.6), ("case_pressure_bar", 0.012)):
+        for name, tolerance in (("discharge_pressure_bar", 0.35), ("case_pressure_bar", 0.02)):
             assert float(point.value(name)[0]) == pytest.approx(run.means[name], abs=tolerance), (condition, health)
-        assert float(point.value("case_flow_lpm")[0]) == pytest.approx(run.means["case_flow_lpm"], rel=0.03)
+        assert float(point.value("case_flow_lpm")[0]) == pytest.approx(run.means["case_flow_lpm"], rel=0.025)
 
 
 def test_hydraulic_power_is_flow_times_pressure_plus_leakage() -> None:

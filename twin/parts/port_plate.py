@@ -17,13 +17,13 @@ def _smooth_step(s: float) -> float:
 
 @compiled
 def commutation_angle(
-    plate: PortPlate, V: float, V_swing: float, Q_leak: float, dP: float, B: float, rho: float, omega: float
+    plate: PortPlate, V: float, V_swing: float, Q: float, dP: float, B: float, rho: float, omega: float
 ) -> float:
     """Angle past dead centre at which the pressure of a chamber of volume V changes over, in the mean [rad].
 
     The chamber is closed from ``phi_commutation - phi_seal`` on. Until its next port opens, ``2 phi_seal`` later, the
-    piston's motion (``V_swing (cos phi_0 - cos phi)``, the swing being half of the stroke's volume) and the leakage
-    ``Q_leak`` already bring a share f of the change ``V dP / B``. The port's area then grows as
+    piston's motion (``V_swing (cos phi_0 - cos phi)``, the swing being half of the stroke's volume) and the flow
+    ``Q`` (leakage, the plate's own motion) already bring a share f of the change ``V dP / B``. The port's area then grows as
     ``3 A (phi / phi_ramp)^2``, less its cubic part, and the rest is over at ``phi_end^3 (1 - phi_end / 2 phi_ramp) =
     2 (1 - f) V dP / B phi_ramp^2 omega / (C_q A v_0)``; with p = 1 - (1 - u^3)^2 on the way the centroid of that part
     lies at ``1 - 2/4 + 1/7`` = 9/14 of phi_end.
@@ -32,9 +32,9 @@ def commutation_angle(
     needed = V * max(dP, 1.0) / B
     closed = last - first
     moved = V_swing * (math.cos(first) - math.cos(last))
-    share = min(max((moved + Q_leak * closed / omega) / needed, 0.0), 0.95)
+    share = min(max((moved + Q * closed / omega) / needed, 0.0), 0.95)
     spent = V_swing * (math.cos(first) * closed - math.sin(last) + math.sin(first))
-    before = min(max((spent + 0.5 * Q_leak * closed * closed / omega) / needed, 0.0), 0.95 * closed)
+    before = min(max((spent + 0.5 * Q * closed * closed / omega) / needed, 0.0), 0.95 * closed)
     v_0 = math.sqrt(2.0 * max(dP, 1.0) * (1.0 - share) / rho)
     filling = 2.0 * (1.0 - share) * needed * plate.phi_ramp**2 * omega / (plate.C_q * plate.A_port * v_0)
     phi_end = math.pow(filling, 1.0 / 3.0)

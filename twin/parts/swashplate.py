@@ -5,6 +5,9 @@ import math
 from twin.compiled import compiled
 from twin.parameters import Compensator, Piston, Swashplate
 
+_HARMONICS = 8
+"""The sawtooth's answer falls with the square of the harmonic: eight leave 1 % of it out."""
+
 
 @compiled
 def spring_torque(comp: Compensator, alpha_max: float, alpha: float) -> float:
@@ -30,6 +33,28 @@ def stop_torque(plate: Swashplate, alpha: float, alpha_dot: float) -> float:
     elastic = plate.k_stop * depth
     damping = min(elastic, abs(plate.d_stop * alpha_dot))
     return -(elastic + damping) if alpha_dot >= 0.0 else -(elastic - damping)
+
+
+@compiled
+def commutation_tilt_rate(
+    n: float, J: float, damping: float, stiffness: float, torque_step: float, omega: float
+) -> float:
+    """Rate of tilt with which the plate meets each commutation [rad/s], negative above its resonance.
+
+    Every chamber that changes over, at either dead centre, adds ``torque_step`` at once; between, the torque falls
+    back linearly: a sawtooth with 2 n teeth a revolution for an odd number of pistons, n teeth twice as high for an
+    even one. The plate stands on the fluid of the control volume (``stiffness`` [N m/rad]) and answers every
+    harmonic m with ``T / (pi m) Im(j w / (k - J w^2 + j d w))`` at the step; -T tau / (12 J) for a free plate.
+    """
+    odd = n % 2.0 > 0.5
+    first = 2.0 * n * omega if odd else n * omega
+    tooth = torque_step if odd else 2.0 * torque_step
+    total = 0.0
+    for m in range(1, _HARMONICS + 1):
+        w = m * first
+        elastic = stiffness - J * w * w
+        total += w * elastic / (elastic * elastic + (damping * w) ** 2) / m
+    return tooth / math.pi * total
 
 
 @compiled

@@ -38,7 +38,7 @@ PISTON: Mapping[str, Quantity] = {
     "m": Quantity(20.0, "g", "estimate: steel piston of that size with its slipper", 0.3),
 }
 SLIPPER: Mapping[str, Quantity] = {
-    "h": Quantity(8.74298, "um", _SHEET, 0.1),
+    "h": Quantity(8.74303, "um", _SHEET, 0.1),
     "diameter_ratio": Quantity(1.45, "-", "Mkadara 2020, table 2-10"),
     "d_throttle": Quantity(0.67, "mm", "estimate: one geometry that meets table 2-13"),
     "C_q": Quantity(0.7, "-", "usual limit coefficient of a short orifice"),
@@ -62,10 +62,10 @@ SWASHPLATE: Mapping[str, Quantity] = {
 }
 COMPENSATOR: Mapping[str, Quantity] = {
     "A_spool": Quantity(28.0, "mm2", "estimate: 500 N of jamming hold against 175 bar, section 2.5.3.2", 0.1),
-    "F_preload": Quantity(461.286, "N", _SHEET, 0.005),
-    "k_spool": Quantity(65.6654, "N/mm", _DROOP, 0.5),
+    "F_preload": Quantity(461.287, "N", _SHEET, 0.005),
+    "k_spool": Quantity(65.0953, "N/mm", _DROOP, 0.5),
     "x_zero": Quantity(
-        0.382893, "mm", "spool position of the healthy pump at zero flow and 50 degC (our own solution)"
+        0.386784, "mm", "spool position of the healthy pump at zero flow and 50 degC (our own solution)"
     ),
     "w_edge": Quantity(0.20, "mm", _DROOP, 0.5),
     "c_edge": Quantity(5.0, "um", "estimate: sharp edge, rounded by a clearance", 0.5),
@@ -80,9 +80,9 @@ COMPENSATOR: Mapping[str, Quantity] = {
     "L_stroke": Quantity(28.0, "mm", _EST),
     "b_stroke": Quantity(8.0, "um", "estimate: usual clearance of a servo piston", 0.5),
     "l_stroke": Quantity(15.0, "mm", _EST),
-    "d_bleed": Quantity(0.396525, "mm", _SHEET, 0.2),
-    "F_rate": Quantity(431.535, "N", "1 kN at zero tilt less the spring's travel", 0.3),
-    "k_rate": Quantity(75.1078, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
+    "d_bleed": Quantity(0.39314, "mm", _SHEET, 0.2),
+    "F_rate": Quantity(420.880, "N", "1 kN at zero tilt less the spring's travel", 0.3),
+    "k_rate": Quantity(76.5156, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
     "L_rate": Quantity(28.0, "mm", _EST),
     "spring_softening": Quantity(0.0, "1/K", "not modelled: no temperature series of the setting is published"),
     "m_spool": Quantity(10.0, "g", "estimate: steel spool with a third of its spring", 0.3),
