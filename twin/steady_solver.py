@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
+from twin.linear import solve_in_place
 from twin.parameters import Circuit, Pump
 from twin.steady_state import N_UNKNOWNS, evaluate
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
@@ -33,37 +34,6 @@ _STEP = 1.0e-6
 def _norm(F: Vector, k_d: float) -> float:
     last = F[4] / (1.0e7 if k_d > 0.0 else 1.0e-4)
     return float(max(abs(F[0]) / 1.0e-4, abs(F[1]) / 1.0e5, abs(F[2]) / 100.0, abs(F[3]) / 1.0e-5, abs(last)))
-
-
-@compiled
-def _solve_dense(A: Matrix, b: Matrix, n_rhs: int) -> bool:
-    """Solve A X = b in place by Gaussian elimination with partial pivoting; False when singular."""
-    n = N_UNKNOWNS
-    for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[pivot, k]):
-                pivot = i
-        if not abs(A[pivot, k]) > 0.0:
-            return False
-        if pivot != k:
-            for j in range(n):
-                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
-            for j in range(n_rhs):
-                b[k, j], b[pivot, j] = b[pivot, j], b[k, j]
-        for i in range(k + 1, n):
-            f = A[i, k] / A[k, k]
-            for j in range(k, n):
-                A[i, j] -= f * A[k, j]
-            for j in range(n_rhs):
-                b[i, j] -= f * b[k, j]
-    for k in range(n - 1, -1, -1):
-        for j in range(n_rhs):
-            total = b[k, j]
-            for i in range(k + 1, n):
-                total -= A[k, i] * b[i, j]
-            b[k, j] = total / A[k, k]
-    return True
 
 
 @compiled
@@ -117,7 +87,7 @@ def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: V
         for i in range(N_UNKNOWNS):
             b[i, 0] = -F[i]
             kept[i] = u[i]
-        if not _solve_dense(J, b, 1):
+        if not solve_in_place(J, b):
             return False
         damping = min(1.0, 0.5e7 / max(abs(b[0, 0]) * _U[0], 1.0), 1.0e-3 / max(abs(b[3, 0]) * _U[3], 1.0e-9))
         improved = False
@@ -171,7 +141,7 @@ def differentiate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vect
         row[j] = kept
         F_p[:, j] = (F_b - F_a) / (2.0 * h)
         Y_p[:, j] = (Y_a - Y_b) / (2.0 * h)
-    if not _solve_dense(F_u, F_p, n_in):
+    if not solve_in_place(F_u, F_p):
         return False
     for i in range(n_out):
         for j in range(n_in):

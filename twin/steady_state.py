@@ -23,8 +23,9 @@ from twin.laws.fluid import P_ATMOSPHERE, bulk_modulus, density, dynamic_viscosi
 from twin.laws.gap import annular_gap_flow, land_conductance, port_plate_gap_flow, throttled_land_flow
 from twin.laws.orifice import turbulent_flow
 from twin.parameters import Circuit, Compensator, Pump
+from twin.parts.piston import chamber_volume, volume_by_tilt
 from twin.parts.port_plate import commutation_angle
-from twin.parts.swashplate import commutation_tilt_rate
+from twin.parts.swashplate import commutation_tilt_rate, inertia_torque, spring_torque, stroking_arm
 from twin.units import (
     KELVIN_AT_0_DEGC,
     M3_PER_S_PER_LPM,
@@ -81,24 +82,17 @@ def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float, d
     Beyond the stop the difference falls off exponentially, continuous in value and slope, and never negative.
     """
     comp, piston = pump.compensator, pump.piston
-    alpha = min(s, pump.swashplate.alpha_max)
+    alpha_max = pump.swashplate.alpha_max
+    alpha = min(s, alpha_max)
     t = math.tan(alpha)
-    t_max = math.tan(pump.swashplate.alpha_max)
-    # every torque carries the same 1 + tan^2(alpha) of its lever; it cancels
-    inertia = 0.5 * piston.n * piston.m * (piston.R * omega) ** 2 * t
-    commutation = piston.n / (2.0 * math.pi) * delays * _area(piston.d_p) * piston.R * dP
-    torque = comp.F_rate * comp.L_rate + comp.k_rate * comp.L_rate**2 * (t_max - t) + inertia - commutation
-    held = torque / (comp.A_stroke * comp.L_stroke)
-    beyond = s - pump.swashplate.alpha_max
+    commutation = piston.n / (2.0 * math.pi) * delays * volume_by_tilt(piston, t, 1.0) * dP
+    torque = spring_torque(comp, alpha_max, alpha) + inertia_torque(piston, alpha, omega) - commutation
+    held = torque / stroking_arm(comp, alpha)
+    beyond = s - alpha_max
     if beyond <= 0.0:
         return held
     slope = comp.k_rate * comp.L_rate**2 * (1.0 + t * t) / (comp.A_stroke * comp.L_stroke)
     return held * math.exp(-beyond * slope / held)
-
-
-@compiled
-def _area(d: float) -> float:
-    return 0.25 * math.pi * d * d
 
 
 @compiled
@@ -118,14 +112,13 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     alpha = min(s, pump.swashplate.alpha_max)
     t = math.tan(alpha)
     t_max = math.tan(pump.swashplate.alpha_max)
-    A_p = _area(piston.d_p)
     rho = density(fluid, T, P_ATMOSPHERE)
     mu_d = gap_viscosity(fluid, T, P_d, P_c)
     mu_s = gap_viscosity(fluid, T, P_s, P_c)
 
     # delivery: what the chambers take in at P_s minus what they carry back at P_d
-    V_min = piston.V_dead + A_p * piston.R * (t_max - t)
-    V_max = piston.V_dead + A_p * piston.R * (t_max + t)
+    V_min = chamber_volume(piston, t_max, t, -1.0)
+    V_max = chamber_volume(piston, t_max, t, 1.0)
     r_d = density(fluid, T, P_d) / rho
     r_s = density(fluid, T, P_s) / rho
     Q_pump = piston.n * omega / (2.0 * math.pi) * (r_s * V_max - r_d * V_min)
@@ -138,7 +131,7 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     piston_s = k_piston * half * annular_gap_flow(P_s, P_c, mu_s, piston.d_p, piston.b, l_mean, 0.0, 0.0)
     v_mean = 2.0 * piston.R * t * omega / math.pi
     drag = half * 0.5 * v_mean * piston.b * math.pi * piston.d_p
-    C_A = slipper.C_q * _area(slipper.d_throttle)
+    C_A = slipper.C_q * 0.25 * math.pi * slipper.d_throttle**2
     k_slipper = scale * row[6]
     G_d = land_conductance(mu_d, slipper.h, slipper.diameter_ratio)
     G_s = land_conductance(mu_s, slipper.h, slipper.diameter_ratio)
@@ -150,11 +143,10 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     plate_s = k_plate * port_plate_gap_flow(P_s, P_c, mu_s, plate.h, plate.shape)
 
     B = bulk_modulus(fluid, T, P_ATMOSPHERE)
-    swing = A_p * piston.R * t
+    swing = 0.5 * (V_max - V_min)
     # the plate vibrates in step with the commutations: it comes down on the chamber that is about to be filled
-    arm = A_p * piston.R * (1.0 + t * t)
-    stroking = comp.A_stroke * comp.L_stroke * (1.0 + t * t)
-    stiffness = stroking * stroking * B / pump.volumes.control
+    arm = volume_by_tilt(piston, t, 1.0)
+    stiffness = stroking_arm(comp, alpha) ** 2 * B / pump.volumes.control
     step = arm * (P_d - P_s)
     coming = commutation_tilt_rate(piston.n, pump.swashplate.J, pump.swashplate.damping, stiffness, step, omega)
     stroked = -arm * coming

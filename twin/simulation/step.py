@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.laws.fluid import P_ATMOSPHERE, gauge_pressure, relative_compressibility, relative_density
+from twin.linear import solve_in_place
 from twin.parameters import Circuit, Pump
 from twin.parts.piston import chamber_volume
 from twin.simulation.network import (
@@ -38,35 +39,6 @@ N_FLOWS = 5
 _V_ROW, _W_ROW = 4, 5
 _FLOOR = 1.0e3
 """Lowest absolute pressure [Pa]: fluid does not bear tension; reaching it is cavitation and is counted."""
-
-
-@compiled
-def solve_small(A: Matrix, b: Vector, n: int) -> bool:
-    """Solve A z = b in place (Gauss, partial pivoting); False when singular."""
-    for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(A[i, k]) > abs(A[pivot, k]):
-                pivot = i
-        if not abs(A[pivot, k]) > 0.0:
-            return False
-        if pivot != k:
-            for j in range(k, n):
-                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
-            b[k], b[pivot] = b[pivot], b[k]
-        inverse = 1.0 / A[k, k]
-        for i in range(k + 1, n):
-            f = A[i, k] * inverse
-            if f != 0.0:
-                for j in range(k + 1, n):
-                    A[i, j] -= f * A[k, j]
-                b[i] -= f * b[k]
-    for k in range(n - 1, -1, -1):
-        total = b[k]
-        for j in range(k + 1, n):
-            total -= A[k, j] * b[j]
-        b[k] = total / A[k, k]
-    return True
 
 
 @compiled
@@ -175,7 +147,7 @@ def step(
     A[5, 3] += s.arm
     A[5, 1] -= s.arm
     b[5] += s.torque - s.torque_alpha_dot * alpha_dot
-    if not solve_small(A, b, N_SOLVED):
+    if not solve_in_place(A, b.reshape((N_SOLVED, 1))):
         return False
 
     Pd, Pc, Pi, Pctrl, v_new, w_new = b[0], b[1], b[2], b[3], b[4], b[5]
