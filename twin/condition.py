@@ -50,6 +50,29 @@ HEALTH_INPUTS: tuple[str, ...] = Health._fields
 INPUTS: tuple[str, ...] = CONDITION_INPUTS + HEALTH_INPUTS
 """Order of the columns that the solver takes and differentiates by."""
 
+RANGES: dict[str, tuple[float, float]] = {
+    "speed_rpm": (200.0, 8000.0),
+    "fluid_temperature_degc": (-20.0, 140.0),
+    "discharge_flow_lpm": (0.0, 100.0),
+    "ambient_pressure_bar": (0.01, 1.5),
+    "pump_leakage_scale": (0.01, 100.0),
+    "slipper_leakage_scale": (0.01, 100.0),
+    "piston_leakage_scale": (0.01, 100.0),
+    "port_plate_leakage_scale": (0.01, 100.0),
+    "control_bleed_lpm": (0.0, 20.0),
+    "system_leakage_lpm": (0.0, 50.0),
+    "pressure_setting_change_bar": (-100.0, 100.0),
+    "drain_resistance_scale": (0.01, 100.0),
+    "drain_viscosity_weight_change": (-2.0, 2.0),
+    "drain_flow_weight_change": (-2.0, 2.0),
+    "droop_scale": (0.0, 10.0),
+    "throttled_leakage_lpm": (0.0, 20.0),
+}
+"""Values that the solver takes; the reservoir's own range is absolute."""
+
+RESERVOIR_RANGE_BAR = (0.1, 20.0)
+"""Absolute reservoir pressure that the solver takes: gauge plus ambient."""
+
 OUTPUTS: tuple[str, ...] = (
     "discharge_pressure_bar",
     "case_pressure_bar",

@@ -7,36 +7,17 @@ against the bench of table 3-4 at 50 degC; elsewhere it rests on the laws of sec
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.condition import INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
+from twin.condition import INPUTS, OUTPUTS, RANGES, RESERVOIR_RANGE_BAR, Condition, Health, OperatingPoints, input_rows
 from twin.parameters import Circuit, Pump
 from twin.steady_solver import DEMAND_TOO_HIGH, NOT_CONVERGED, NOT_FINITE, OUT_OF_RANGE, solve_batch
 
-RANGES: dict[str, tuple[float, float]] = {
-    "speed_rpm": (200.0, 8000.0),
-    "fluid_temperature_degc": (-20.0, 140.0),
-    "discharge_flow_lpm": (0.0, 100.0),
-    "ambient_pressure_bar": (0.0, 1.5),
-    "pump_leakage_scale": (0.01, 100.0),
-    "slipper_leakage_scale": (0.01, 100.0),
-    "piston_leakage_scale": (0.01, 100.0),
-    "port_plate_leakage_scale": (0.01, 100.0),
-    "control_bleed_lpm": (0.0, 20.0),
-    "system_leakage_lpm": (0.0, 50.0),
-    "pressure_setting_change_bar": (-100.0, 100.0),
-    "drain_resistance_scale": (0.01, 100.0),
-    "drain_viscosity_weight_change": (-2.0, 2.0),
-    "drain_flow_weight_change": (-2.0, 2.0),
-    "droop_scale": (0.0, 10.0),
-    "throttled_leakage_lpm": (0.0, 20.0),
-}
-"""Inputs the solver takes; besides, the absolute reservoir pressure must lie between 0.1 and 20 bar."""
-
 PROBLEMS: dict[int, str] = {
-    NOT_FINITE: "an input is not a number: give every condition and health value as a finite number",
+    NOT_FINITE: "an input is not a number: give every condition, health value and load as a finite number",
     OUT_OF_RANGE: "an input is outside the model's range",
     DEMAND_TOO_HIGH: "the asked flow is more than the pump delivers at this speed: "
     "ask for less flow, more speed, or give the load as a resistance",
-    NOT_CONVERGED: "no steady state was found: check that health values describe a pump that still regulates",
+    NOT_CONVERGED: "no steady state was found: check that health values describe a pump that still regulates "
+    "and that a load given as a resistance holds some pressure",
 }
 
 
@@ -114,6 +95,7 @@ def problem(points: OperatingPoints, index: int) -> str | None:
         if not low <= row[name] <= high
     ]
     absolute = row["reservoir_pressure_bar"] + row["ambient_pressure_bar"]
-    if not 0.1 <= absolute <= 20.0:
-        faults.append(f"absolute reservoir pressure = {absolute:g} bar (allowed: 0.1 to 20)")
+    low, high = RESERVOIR_RANGE_BAR
+    if not low <= absolute <= high:
+        faults.append(f"absolute reservoir pressure = {absolute:g} bar (allowed: {low:g} to {high:g})")
     return f"{PROBLEMS[code]}: {'; '.join(faults)}"

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
+from twin.condition import INPUTS, RANGES, RESERVOIR_RANGE_BAR
 from twin.linear import solve_in_place
 from twin.parameters import Circuit, Pump
 from twin.steady_state import N_UNKNOWNS, evaluate
@@ -20,6 +21,13 @@ OUT_OF_RANGE = 2
 DEMAND_TOO_HIGH = 3
 NOT_CONVERGED = 4
 
+RESERVOIR = INPUTS.index("reservoir_pressure_bar")
+AMBIENT = INPUTS.index("ambient_pressure_bar")
+DROOP = INPUTS.index("droop_scale")
+_ANY = (-math.inf, math.inf)
+_LOW = tuple(RANGES.get(name, _ANY)[0] for name in INPUTS)
+_HIGH = tuple(RANGES.get(name, _ANY)[1] for name in INPUTS)
+
 _MAX_ITERATIONS = 60
 _MAX_HALVINGS = 12
 _TOLERANCE = 1.0e-13
@@ -28,6 +36,10 @@ _TOLERANCE = 1.0e-13
 # scales of the unknowns P_d, P_c, s, x, Q_L and of the residuals (flow, Pa, N, flow, flow or Pa)
 _U = (1.0e7, 1.0e5, 0.1, 1.0e-3, 1.0e-4)
 _STEP = 1.0e-6
+_MAX_STEPS = (0.5e7, 1.0e9, 0.1, 1.0e-3, 1.0e9)
+"""Longest Newton steps of P_d [Pa], tilt coordinate s [rad] and spool x [m]; the others are as good as free."""
+_TILT_LOW = -0.1
+"""Lowest tilt coordinate of a true solution [rad]: tan(alpha) repeats, and half a turn on lies a false one."""
 
 
 @compiled
@@ -52,7 +64,9 @@ def start(pump: Pump, row: Vector, k_d: float, at_stop: bool, u: Vector) -> None
     if at_stop:
         u[0] = P_r + min(k_d * Q * Q, 0.98 * setting) if k_d > 0.0 else P_r + 0.9 * setting
         u[2] = alpha_max + 0.05
-        u[3] = -0.2e-3
+        # the spring balance says how far the missing pressure lets a soft spring push the spool
+        lacking = (setting - (u[0] - u[1])) * comp.A_spool
+        u[3] = min(comp.x_zero - lacking / (comp.k_spool * max(row[DROOP], 0.01)), -0.2e-3)
     else:
         u[0] = u[1] + setting
         u[2] = min(math.atan((Q + 2.0e-5) / per_tangent), alpha_max)
@@ -89,14 +103,17 @@ def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: V
             kept[i] = u[i]
         if not solve_in_place(J, b):
             return False
-        damping = min(1.0, 0.5e7 / max(abs(b[0, 0]) * _U[0], 1.0), 1.0e-3 / max(abs(b[3, 0]) * _U[3], 1.0e-9))
+        damping = 1.0
+        for i in range(N_UNKNOWNS):
+            if abs(b[i, 0]) * _U[i] * damping > _MAX_STEPS[i]:
+                damping = _MAX_STEPS[i] / (abs(b[i, 0]) * _U[i])
         improved = False
         for _halving in range(_MAX_HALVINGS):
             for i in range(N_UNKNOWNS):
                 u[i] = kept[i] + damping * b[i, 0] * _U[i]
             evaluate(pump, circuit, row, k_d, u, F, Y)
             trial = _norm(F, k_d)
-            if trial < norm or trial < _TOLERANCE:
+            if u[2] > _TILT_LOW and (trial < norm or trial < _TOLERANCE):
                 improved = True
                 norm = trial
                 break
@@ -108,6 +125,26 @@ def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: V
             evaluate(pump, circuit, row, k_d, u, F, Y)
             return _norm(F, k_d) < 1.0e4 * _TOLERANCE
     return norm < 1.0e4 * _TOLERANCE
+
+
+@compiled
+def solve_cold(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: Vector, work: Matrix) -> bool:
+    """Solve without a neighbour to start from; a stiff valve is reached from softer ones where it has to be."""
+    asked = row[DROOP]
+    solved = False
+    for droop in (asked, max(asked, 1.0), max(asked, 3.0)):
+        for at_stop in (False, True):
+            if not solved:
+                row[DROOP] = droop
+                start(pump, row, k_d, at_stop, u)
+                solved = solve(pump, circuit, row, k_d, u, Y, work)
+        while solved and row[DROOP] > asked:
+            row[DROOP] = max(asked, 0.5 * row[DROOP] - 0.01)
+            solved = solve(pump, circuit, row, k_d, u, Y, work)
+        if solved:
+            break
+    row[DROOP] = asked
+    return solved
 
 
 @compiled
@@ -160,14 +197,12 @@ def is_finite(row: Vector) -> bool:
 
 @compiled
 def is_in_range(row: Vector) -> bool:
-    """True within the range in which the model's laws are meant: see ``twin.operating_point.RANGES``."""
-    speed, T, P_r, Q, P_amb = row[0], row[1], row[2], row[3], row[4]
-    ok = 200.0 <= speed <= 8000.0 and -20.0 <= T <= 140.0 and 0.1 <= P_r + P_amb <= 20.0
-    ok = ok and 0.0 <= Q <= 100.0 and 0.0 < P_amb <= 1.5
-    for j in (5, 6, 7, 8, 12):
-        ok = ok and 0.01 <= row[j] <= 100.0
-    ok = ok and 0.0 <= row[9] <= 20.0 and 0.0 <= row[16] <= 20.0 and 0.0 <= row[10] <= 50.0 and abs(row[11]) <= 100.0
-    return bool(ok and abs(row[13]) <= 2.0 and abs(row[14]) <= 2.0 and 0.0 <= row[15] <= 10.0)
+    """True within the range in which the model's laws are meant: ``twin.condition.RANGES``."""
+    absolute = row[RESERVOIR] + row[AMBIENT]
+    ok = RESERVOIR_RANGE_BAR[0] <= absolute <= RESERVOIR_RANGE_BAR[1]
+    for j in range(len(_LOW)):
+        ok = ok and _LOW[j] <= row[j] <= _HIGH[j]
+    return bool(ok)
 
 
 @compiled
@@ -187,19 +222,19 @@ def solve_batch(
     warm = False
     for i in range(rows.shape[0]):
         row = rows[i]
-        if not is_finite(row):
+        if not (is_finite(row) and math.isfinite(k_d[i])):
             status[i] = NOT_FINITE
         elif not is_in_range(row):
             status[i] = OUT_OF_RANGE
         else:
             solved = warm and solve(pump, circuit, row, k_d[i], u, Y[i], work)
-            for at_stop in (False, True):
-                if not solved:
-                    start(pump, row, k_d[i], at_stop, u)
-                    solved = solve(pump, circuit, row, k_d[i], u, Y[i], work)
+            solved = solved or solve_cold(pump, circuit, row, k_d[i], u, Y[i], work)
             # an imposed flow beyond the delivery pulls the fully tilted pump down to the return line or lower
             starved = not Y[i, 0] > Y[i, 2] or (not solved and u[2] > pump.swashplate.alpha_max)
-            status[i] = SOLVED if solved and not starved else (DEMAND_TOO_HIGH if starved else NOT_CONVERGED)
+            if solved and not starved:
+                status[i] = SOLVED
+            else:
+                status[i] = DEMAND_TOO_HIGH if starved and not k_d[i] > 0.0 else NOT_CONVERGED
         warm = status[i] == SOLVED
         if warm and D.shape[0] > 0 and not differentiate(pump, circuit, row, k_d[i], u, n_out, D[i]):
             status[i] = NOT_CONVERGED

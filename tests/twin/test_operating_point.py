@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from twin.condition import INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
-from twin.operating_point import PROBLEMS, RANGES, operating_point, operating_points, problem
+from twin.condition import INPUTS, OUTPUTS, RANGES, Condition, Health, OperatingPoints, input_rows
+from twin.operating_point import PROBLEMS, operating_point, operating_points, problem
 from twin.pumps import circuit_parameters, pump_type
 from twin.units import M3_PER_S_PER_LPM as LPM
 from twin.units import PA_PER_BAR as BAR
@@ -204,6 +204,46 @@ def test_a_batch_gives_what_single_calls_give() -> None:
     batch = operating_points(PUMP, rows, BENCH)
     single = np.vstack([operating_points(PUMP, rows[i], BENCH).values for i in range(len(rows))])
     assert batch.values == pytest.approx(single, rel=1e-8, abs=1e-9, nan_ok=True)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_order_of_a_batch_changes_nothing(seed: int) -> None:
+    """Imposed flows and loads by resistance in one batch: neighbours are only a first guess.
+
+    tan(alpha) repeats after half a turn, so a long Newton step can land on a false solution and hand it on.
+    """
+    rows = random_rows(500, seed)
+    rng = np.random.default_rng(seed)
+    # from a third of the bench's coefficient (full tilt, low pressure) to a nearly closed load
+    k_d = np.where(rng.random(500) < 0.4, 0.1866 * 10 ** rng.uniform(-0.5, 3, 500), 0.0) * BAR / LPM**2
+    order = rng.permutation(500)
+    ahead = operating_points(PUMP, rows, BENCH, load_coefficient=k_d)
+    mixed = operating_points(PUMP, rows[order], BENCH, load_coefficient=k_d[order])
+    assert (mixed.status == ahead.status[order]).all()
+    assert mixed.values == pytest.approx(ahead.values[order], rel=1e-8, abs=1e-8, nan_ok=True)
+    solved = ahead.status == 0
+    assert solved[k_d > 0].all()  # a resistance asks no more than the pump gives
+    tilt = ahead.value("swashplate_angle_deg")[solved]
+    assert (tilt > 0).all()
+    assert (tilt <= np.rad2deg(PUMP.swashplate.alpha_max) + 1e-9).all()
+
+
+@pytest.mark.parametrize("load", [np.nan, np.inf, -np.inf])
+def test_a_load_that_is_no_number_is_said(load: float) -> None:
+    point = operating_point(PUMP, BENCH_POINT, BENCH, load_coefficient=load)
+    assert np.isnan(point.values).all()
+    assert "not a number" in str(problem(point, 0))
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_a_refused_value_is_named_with_its_range(name: str) -> None:
+    low, high = RANGES[name]
+    for edge, beyond in ((low, low - 1e-6), (high, high + 1e-6)):
+        rows = input_rows([BENCH_POINT] * 2, [Health()] * 2)
+        rows[:, INPUTS.index(name)] = edge, beyond
+        points = operating_points(PUMP, rows, BENCH)
+        assert f"{name} = " not in str(problem(points, 0))
+        assert f"{name} = " in str(problem(points, 1))
 
 
 def test_a_bad_row_costs_its_neighbours_nothing() -> None:

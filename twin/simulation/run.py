@@ -11,7 +11,7 @@ from twin.condition import OUTPUTS, Condition, Health, input_rows
 from twin.parameters import Circuit, Pump
 from twin.simulation.network import ALPHA, Scene, scene_of
 from twin.simulation.step import N_FLOWS, N_SHARED, N_SOLVED, step
-from twin.steady_solver import solve, start
+from twin.steady_solver import solve_cold
 from twin.steady_state import N_UNKNOWNS
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_DEG
 
@@ -142,11 +142,7 @@ def initial_state(pump: Pump, circuit: Circuit, row: Vector, k_d: float) -> Vect
         when there is no operating point to start from.
     """
     u, Y, work = np.empty(N_UNKNOWNS), np.empty(len(OUTPUTS)), np.empty((8, N_UNKNOWNS))
-    for at_stop in (False, True):
-        start(pump, row, k_d, at_stop, u)
-        if solve(pump, circuit, row, k_d, u, Y, work):
-            break
-    else:
+    if not solve_cold(pump, circuit, row, k_d, u, Y, work):
         raise ValueError("no operating point to start from: ask for less flow or a healthier pump")
     n = int(pump.piston.n)
     ambient = row[4] * PA_PER_BAR
