@@ -6,6 +6,7 @@ from typing import NamedTuple
 from twin.compiled import compiled
 
 P_ATMOSPHERE = 101_325.0
+_LN_10 = math.log(10.0)
 
 
 class Fluid(NamedTuple):
@@ -29,7 +30,8 @@ def kinematic_viscosity(fluid: Fluid, T: float) -> float:
 
     ``nu[cSt] = 10**(10**(A - B log10 T)) - 0.7`` with T in K; validated for the sets' stated range only.
     """
-    return (math.pow(10.0, math.pow(10.0, fluid.astm_a - fluid.astm_b * math.log10(T))) - 0.7) * 1.0e-6
+    # written with e instead of 10, half the price: this is the law that the solvers call most
+    return (math.exp(_LN_10 * math.exp(_LN_10 * fluid.astm_a - fluid.astm_b * math.log(T))) - 0.7) * 1.0e-6
 
 
 @compiled

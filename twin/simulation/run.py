@@ -11,7 +11,7 @@ from twin.condition import OUTPUTS, Condition, Health, input_rows
 from twin.parameters import Circuit, Pump
 from twin.simulation.network import ALPHA, Scene, scene_of
 from twin.simulation.step import N_FLOWS, N_SHARED, N_SOLVED, step
-from twin.steady_solver import solve_cold
+from twin.steady_solver import WORK_ROWS, solve_cold
 from twin.steady_state import N_UNKNOWNS
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_DEG
 
@@ -141,7 +141,7 @@ def initial_state(pump: Pump, circuit: Circuit, row: Vector, k_d: float) -> Vect
     ValueError
         when there is no operating point to start from.
     """
-    u, Y, work = np.empty(N_UNKNOWNS), np.empty(len(OUTPUTS)), np.empty((8, N_UNKNOWNS))
+    u, Y, work = np.empty(N_UNKNOWNS), np.empty(len(OUTPUTS)), np.empty((WORK_ROWS, N_UNKNOWNS))
     if not solve_cold(pump, circuit, row, k_d, u, Y, work):
         raise ValueError("no operating point to start from: ask for less flow or a healthier pump")
     n = int(pump.piston.n)
