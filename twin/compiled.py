@@ -46,3 +46,8 @@ def compiled(function: F) -> F:
     infinity instead of raising: kernels return a status, the typed shell above them writes the message.
     """
     return numba.njit(cache=True, error_model="numpy", nogil=True)(function)  # type: ignore[no-any-return]
+
+
+def inlined(function: F) -> F:
+    """Compile a function into each of its callers: for kernels whose many parameters cost more to pass than to use."""
+    return numba.njit(inline="always", error_model="numpy", nogil=True)(function)  # type: ignore[no-any-return]

@@ -28,7 +28,8 @@ class Health(NamedTuple):
     ``pump_leakage_scale`` multiplies every internal leakage to the case except the compensator's;
     the three scales after it multiply one path each, on top of it. ``throttled_leakage_lpm`` is added from
     discharge to case with the law of an orifice: a slipper so worn that its throttle alone holds the flow back,
-    counted at a pressure difference of 175 bar.
+    counted at a pressure difference of 175 bar, as the circuit's own leak is. ``edge_rounding_um`` is what erosion
+    has added to the radius of the valve's metering edges.
     """
 
     pump_leakage_scale: float = 1.0
@@ -43,6 +44,7 @@ class Health(NamedTuple):
     drain_flow_weight_change: float = 0.0
     droop_scale: float = 1.0
     throttled_leakage_lpm: float = 0.0
+    edge_rounding_um: float = 0.0
 
 
 CONDITION_INPUTS: tuple[str, ...] = Condition._fields
@@ -67,6 +69,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "drain_flow_weight_change": (-2.0, 2.0),
     "droop_scale": (0.0, 10.0),
     "throttled_leakage_lpm": (0.0, 20.0),
+    "edge_rounding_um": (0.0, 500.0),
 }
 """Values that the solver takes; the reservoir's own range is absolute."""
 
@@ -87,6 +90,7 @@ OUTPUTS: tuple[str, ...] = (
     "port_plate_leakage_lpm",
     "compensator_leakage_lpm",
     "suction_flow_lpm",
+    "case_temperature_degc",
 )
 """Order of the columns that the solver answers with."""
 

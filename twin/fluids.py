@@ -19,6 +19,10 @@ MIL_PRF_83282: Mapping[str, Quantity] = {
     "B_pressure_gain": Quantity(9.3, "-", "estimate: tangent modulus 10 to 13 % higher at 175 bar", 0.2),
     "alpha_p": Quantity(1.22e-8, "1/Pa", "pressure-viscosity coefficient at 50 degC, 1.22e-3 per bar", 0.1),
     "c_p": Quantity(2000.0, "J/(kg K)", "estimate: gives the published 11 K of heating from 175 bar", 0.05),
+    "air": Quantity(
+        0.0, "-", "free air by volume at 1 bar: none assumed in a bled aircraft circuit; 0.005 is usual elsewhere"
+    ),
+    "air_exponent": Quantity(1.2, "-", "estimate: between isothermal (1) and adiabatic (1.4) bubbles", 0.1),
 }
 """Synthetic hydrocarbon fluid of the H225; viscosity within 5 % from 40 to 100 degC, within 20 % at 0 degC."""
 

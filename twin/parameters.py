@@ -9,24 +9,44 @@ from twin.units import SI_PER_UNIT
 
 
 class Piston(NamedTuple):
-    """Pistons in their bores; ``n`` of them, equally spaced (a float for the kernels, a whole number)."""
+    """Pistons in their bores; ``n`` of them, equally spaced (a float for the kernels, a whole number).
+
+    ``e_rel`` is eccentricity over clearance (0 centred, 1 touching); ``m`` the mass of a piston with its slipper.
+    """
 
     n: float
     d_p: float
     R: float
     b: float
+    e_rel: float
     l_mean: float
     V_dead: float
     m: float
 
 
 class Slipper(NamedTuple):
-    """Hydrostatic bearing under each slipper."""
+    """Hydrostatic bearing under each slipper.
+
+    With ``variable`` 0 the gap is ``h``; with 1 it follows from the forces (section 2.6.2), between touching the plate
+    and the retainer's clearance ``h_retainer``. ``balance`` is S_eq of equation 2-37 over the piston's area.
+    ``pumped_repair`` 1 takes the same area for the swept volume and the force (section 2.6.3), 0 follows the thesis'
+    text; ``squeeze`` scales the damping of the film on the land.
+    """
 
     h: float
     diameter_ratio: float
     d_throttle: float
     C_q: float
+    variable: float
+    balance: float
+    V_pocket: float
+    h_min: float
+    h_retainer: float
+    k_contact: float
+    d_contact: float
+    damping: float
+    squeeze: float
+    pumped_repair: float
 
 
 class PortPlate(NamedTuple):
@@ -48,42 +68,94 @@ class PortPlate(NamedTuple):
 
 
 class Swashplate(NamedTuple):
-    """Tilting plate with its stop."""
+    """Tilting plate with its stops. ``T_coulomb``, ``T_static`` are friction beside the viscous ``damping``,
+    full from the tilt rate ``w_friction`` on.
+    """
 
+    alpha_min: float
     alpha_max: float
     J: float
     damping: float
+    T_coulomb: float
+    T_static: float
+    w_friction: float
     k_stop: float
     d_stop: float
 
 
 class Compensator(NamedTuple):
-    """Pressure compensator: spool, its metering edges, stroking piston, rate piston with spring, bleed."""
+    """Spool valve of the pressure compensator: spool, spring, metering edges, bleed of the control volume.
+
+    ``edge_law`` is a code of ``twin.laws.metering_edge``; the smooth law takes its opening from ``c_edge`` and its
+    seals from ``l_seal_*``, the published ones take all from ``edge_radius``, ``delta_lambda`` and ``K_rec``.
+    ``L_jet`` is the damping length of the transient jet (2-22), ``F_coulomb`` and ``F_static`` friction that is full
+    from the speed ``v_friction`` on.
+    """
 
     A_spool: float
     F_preload: float
     k_spool: float
     x_zero: float
+    x_low: float
+    x_high: float
+    k_stop: float
+    edge_law: float
+    n_edge: float
     w_edge: float
     c_edge: float
+    edge_radius: float
+    delta_lambda: float
+    K_rec: float
     x_overlap: float
     C_q: float
     cos_jet: float
+    L_jet: float
     d_spool: float
     c_spool: float
+    e_rel: float
     l_seal_discharge: float
     l_seal_case: float
-    A_stroke: float
-    L_stroke: float
-    b_stroke: float
-    l_stroke: float
     d_bleed: float
-    F_rate: float
-    k_rate: float
-    L_rate: float
     spring_softening: float
     m_spool: float
     damping: float
+    F_coulomb: float
+    F_static: float
+    v_friction: float
+
+
+class ServoPistons(NamedTuple):
+    """Stroking piston (control pressure, drives the tilt down) and rate piston (spring, drives it up).
+
+    With ``contact`` 0 both follow the plate; with 1 they are bodies of their own that push it through the contact of
+    equation 2-14 and may leave it (sporadic contact). Each has its bore's clearance ``b``, eccentricity over clearance
+    ``e_rel``, length ``l``, mass ``m`` and friction. The rate piston's bore is fed from discharge with ``rate_fed`` 1.
+    """
+
+    A_stroke: float
+    L_stroke: float
+    b_stroke: float
+    e_rel_stroke: float
+    l_stroke: float
+    m_stroke: float
+    F_coulomb_stroke: float
+    F_static_stroke: float
+    A_rate: float
+    L_rate: float
+    F_rate: float
+    k_rate: float
+    rate_fed: float
+    b_rate: float
+    e_rel_rate: float
+    l_rate: float
+    m_rate: float
+    F_coulomb_rate: float
+    F_static_rate: float
+    viscous: float
+    v_friction: float
+    contact: float
+    k_contact: float
+    d_contact: float
 
 
 class Volumes(NamedTuple):
@@ -95,11 +167,17 @@ class Volumes(NamedTuple):
     control: float
 
 
-class Friction(NamedTuple):
-    """Losses that the shaft has to bear beside the hydraulic work."""
+class Drive(NamedTuple):
+    """What turns the shaft, and its losses beside the hydraulic work.
+
+    With ``J`` 0 the speed is what is asked for; else the motor gives ``stiffness`` [N m s] of torque per missing
+    speed on top of what the first instant asked for (figure 3-16).
+    """
 
     torque_viscous_ref: float
     torque_pressure: float
+    J: float
+    stiffness: float
 
 
 class Pump(NamedTuple):
@@ -110,8 +188,9 @@ class Pump(NamedTuple):
     port_plate: PortPlate
     swashplate: Swashplate
     compensator: Compensator
+    servo: ServoPistons
     volumes: Volumes
-    friction: Friction
+    drive: Drive
     fluid: Fluid
 
 

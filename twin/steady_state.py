@@ -19,13 +19,25 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.laws.bench import drain_pressure_drop, return_pressure_drop
-from twin.laws.fluid import P_ATMOSPHERE, bulk_modulus, density, dynamic_viscosity, gap_viscosity, kinematic_viscosity
+from twin.laws.compressibility import medium_of, relative_density
+from twin.laws.fluid import (
+    P_ATMOSPHERE,
+    Fluid,
+    density,
+    dynamic_viscosity,
+    gap_viscosity,
+    kinematic_viscosity,
+    throttling_heating,
+)
 from twin.laws.gap import annular_gap_flow, land_conductance, port_plate_gap_flow, throttled_land_flow
-from twin.laws.orifice import turbulent_flow
-from twin.parameters import Circuit, Compensator, Pump
+from twin.parameters import Circuit, Pump
+from twin.parts.circuit import P_COUNTED, counted_conductance
+from twin.parts.compensator import bleed_conductance, edge_of, inlet, jet_stiffness, outlet
+from twin.parts.drive import friction_torque
 from twin.parts.piston import chamber_volume, volume_by_tilt
 from twin.parts.port_plate import commutation_angle
-from twin.parts.swashplate import commutation_tilt_rate, inertia_torque, spring_torque, stroking_arm
+from twin.parts.servo import carried_inertia, rate_arm, rate_leakage, spring_torque, stroking_arm, stroking_leakage
+from twin.parts.swashplate import commutation_tilt_rate, inertia_torque
 from twin.units import (
     KELVIN_AT_0_DEGC,
     M3_PER_S_PER_LPM,
@@ -37,7 +49,6 @@ from twin.units import (
 N_UNKNOWNS = 5
 T_50 = KELVIN_AT_0_DEGC + 50.0
 OMEGA_REF = 4600.0 * RAD_PER_S_PER_RPM
-P_THROTTLED = 175.0 * PA_PER_BAR
 
 _LPM = M3_PER_S_PER_LPM
 _BAR = PA_PER_BAR
@@ -49,27 +60,11 @@ Vector = NDArray[np.float64]
 
 
 @compiled
-def edge_opening(y: float, c: float) -> tuple[float, float]:
-    """Opening of a metering edge at underlap y with rounding c [m], and its slope: y when open, c^2/(4|y|) closed."""
-    root = math.sqrt(y * y + c * c)
-    opening = 0.5 * (y + root) if y > 0.0 else 0.5 * c * c / (root - y)
-    return opening, opening / root
-
-
-@compiled
-def control_flows(
-    comp: Compensator, P_d: float, P_ctrl: float, P_c: float, x: float, rho: float, mu_in: float, mu_out: float
-) -> tuple[float, float, float]:
-    """Flows at the control volume [m3/s]: in from discharge, out over the spool, out past the stroking piston."""
-    w = comp.C_q * comp.w_edge
-    inflow = turbulent_flow(P_d, P_ctrl, w * edge_opening(x - comp.x_overlap, comp.c_edge)[0], rho)
-    inflow += annular_gap_flow(P_d, P_ctrl, mu_in, comp.d_spool, comp.c_spool, comp.l_seal_discharge, 0.0, 0.0)
-    out_spool = turbulent_flow(P_ctrl, P_c, w * edge_opening(-x - comp.x_overlap, comp.c_edge)[0], rho)
-    out_spool += annular_gap_flow(P_ctrl, P_c, mu_out, comp.d_spool, comp.c_spool, comp.l_seal_case, 0.0, 0.0)
-    bleed = turbulent_flow(P_ctrl, P_c, comp.C_q * 0.25 * math.pi * comp.d_bleed**2, rho)
-    d_stroke = math.sqrt(4.0 * comp.A_stroke / math.pi)
-    stroke = annular_gap_flow(P_ctrl, P_c, mu_out, d_stroke, comp.b_stroke, comp.l_stroke, 0.0, 0.0)
-    return inflow, out_spool, bleed + stroke
+def drain_viscosity_ratio(fluid: Fluid, T_c: float) -> float:
+    """Viscosity of the case's fluid over that of the reference bench: 50 degC plus the heating from 175 bar [-]."""
+    return kinematic_viscosity(fluid, T_c) / kinematic_viscosity(
+        fluid, T_50 + throttling_heating(fluid, T_50, P_COUNTED, 0.0)
+    )
 
 
 @compiled
@@ -81,17 +76,18 @@ def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float, d
     up from one to the other, and the mean of the piston's torque arm over that half turn is minus their sum.
     Beyond the stop the difference falls off exponentially, continuous in value and slope, and never negative.
     """
-    comp, piston = pump.compensator, pump.piston
+    servo, piston = pump.servo, pump.piston
     alpha_max = pump.swashplate.alpha_max
     alpha = min(s, alpha_max)
     t = math.tan(alpha)
     commutation = piston.n / (2.0 * math.pi) * delays * volume_by_tilt(piston, t, 1.0) * dP
-    torque = spring_torque(comp, alpha_max, alpha) + inertia_torque(piston, alpha, omega) - commutation
-    held = torque / stroking_arm(comp, alpha)
+    torque = spring_torque(servo, math.tan(alpha_max), t) + inertia_torque(piston, t, omega) - commutation
+    torque += rate_arm(servo, t) * dP
+    held = torque / stroking_arm(servo, t)
     beyond = s - alpha_max
     if beyond <= 0.0:
         return held
-    slope = comp.k_rate * comp.L_rate**2 * (1.0 + t * t) / (comp.A_stroke * comp.L_stroke)
+    slope = servo.k_rate * servo.L_rate**2 * (1.0 + t * t) / (servo.A_stroke * servo.L_stroke)
     return held * math.exp(-beyond * slope / held)
 
 
@@ -108,6 +104,7 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     P_r = row[2] * _BAR + P_amb
     P_d, P_c, s, x, Q_L = u[0], u[1], u[2], u[3], u[4]
     piston, slipper, plate, comp, fluid = pump.piston, pump.slipper, pump.port_plate, pump.compensator, pump.fluid
+    servo, medium = pump.servo, medium_of(pump.fluid, T)
     P_s = P_r
     alpha = min(s, pump.swashplate.alpha_max)
     t = math.tan(alpha)
@@ -119,16 +116,15 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     # delivery: what the chambers take in at P_s minus what they carry back at P_d
     V_min = chamber_volume(piston, t_max, t, -1.0)
     V_max = chamber_volume(piston, t_max, t, 1.0)
-    r_d = density(fluid, T, P_d) / rho
-    r_s = density(fluid, T, P_s) / rho
+    r_d, r_s = relative_density(medium, P_d), relative_density(medium, P_s)
     Q_pump = piston.n * omega / (2.0 * math.pi) * (r_s * V_max - r_d * V_min)
 
     half = 0.5 * piston.n
     scale = row[5]
     l_mean = math.sqrt(piston.l_mean**2 - (piston.R * t) ** 2)
-    k_piston = scale * row[7]
-    piston_d = k_piston * half * annular_gap_flow(P_d, P_c, mu_d, piston.d_p, piston.b, l_mean, 0.0, 0.0)
-    piston_s = k_piston * half * annular_gap_flow(P_s, P_c, mu_s, piston.d_p, piston.b, l_mean, 0.0, 0.0)
+    k_piston, e = scale * row[7], piston.e_rel * piston.b
+    piston_d = k_piston * half * annular_gap_flow(P_d, P_c, mu_d, piston.d_p, piston.b, l_mean, e, 0.0)
+    piston_s = k_piston * half * annular_gap_flow(P_s, P_c, mu_s, piston.d_p, piston.b, l_mean, e, 0.0)
     v_mean = 2.0 * piston.R * t * omega / math.pi
     drag = half * 0.5 * v_mean * piston.b * math.pi * piston.d_p
     C_A = slipper.C_q * 0.25 * math.pi * slipper.d_throttle**2
@@ -139,16 +135,17 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     slipper_s = k_slipper * half * throttled_land_flow(P_s, P_c, G_s, C_A, rho)
     k_plate = scale * row[8]
     plate_d = k_plate * port_plate_gap_flow(P_d, P_c, mu_d, plate.h, plate.shape)
-    throttled = row[16] * _LPM * math.sqrt(max(P_d - P_c, 0.0) / P_THROTTLED)
+    throttled = row[16] * _LPM * math.sqrt(max(P_d - P_c, 0.0) / P_COUNTED)
     plate_s = k_plate * port_plate_gap_flow(P_s, P_c, mu_s, plate.h, plate.shape)
 
-    B = bulk_modulus(fluid, T, P_ATMOSPHERE)
+    B = (P_d - P_s) / (r_d - r_s)
     swing = 0.5 * (V_max - V_min)
     # the plate vibrates in step with the commutations: it comes down on the chamber that is about to be filled
     arm = volume_by_tilt(piston, t, 1.0)
-    stiffness = stroking_arm(comp, alpha) ** 2 * B / pump.volumes.control
+    stiffness = stroking_arm(servo, t) ** 2 * medium.B_0 / pump.volumes.control
     step = arm * (P_d - P_s)
-    coming = commutation_tilt_rate(piston.n, pump.swashplate.J, pump.swashplate.damping, stiffness, step, omega)
+    J = pump.swashplate.J + carried_inertia(servo, t)
+    coming = commutation_tilt_rate(piston.n, J, pump.swashplate.damping, stiffness, step, omega)
     stroked = -arm * coming
     leaking = (piston_d + slipper_d) / half
     rising = commutation_angle(plate, V_max, swing, stroked, P_d - P_s, B, rho, omega)
@@ -156,28 +153,32 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     delays = math.sin(rising) + math.sin(falling)
     dP_ctrl = control_pressure_difference(pump, s, omega, P_d - P_s, delays)
     P_ctrl = P_c + dP_ctrl
-    inflow, out_spool, out_stroke = control_flows(
-        comp, P_d, P_ctrl, P_c, x, rho, gap_viscosity(fluid, T, P_d, P_ctrl), gap_viscosity(fluid, T, P_ctrl, P_c)
-    )
+    nu = kinematic_viscosity(fluid, T)
+    edge = edge_of(comp, row[17] * 1.0e-6)
+    mu_in, mu_out = gap_viscosity(fluid, T, P_d, P_ctrl), gap_viscosity(fluid, T, P_ctrl, P_c)
+    inflow = inlet(comp, edge, x, P_d - P_ctrl, rho, mu_in, nu)[0] * (P_d - P_ctrl)
+    out_spool = outlet(comp, edge, x, dP_ctrl, rho, mu_out, nu)[0] * dP_ctrl
+    out_stroke = (stroking_leakage(servo, mu_out) + bleed_conductance(comp, dP_ctrl, rho)) * dP_ctrl
     # a bleed is counted in L/min at the control pressure of the zero-flow point and fades with it
-    bleed_extra = row[9] * _LPM * math.tanh(dP_ctrl / (0.05 * comp.F_rate / comp.A_stroke))
-    Q_comp = out_spool + out_stroke + bleed_extra
+    bleed_extra = row[9] * _LPM * math.tanh(dP_ctrl / (0.05 * servo.F_rate / servo.A_stroke))
+    rate_leak = rate_leakage(servo, mu_d) * (P_d - P_c)
+    Q_comp = out_spool + out_stroke + bleed_extra + rate_leak
 
-    leak_d = piston_d - drag + slipper_d + plate_d + throttled
+    leak_d = piston_d - drag + slipper_d + plate_d + throttled + rate_leak
     leak_s = piston_s + drag + slipper_s + plate_s
-    Q_c = leak_d + leak_s + Q_comp
-    Q_sys = row[10] * _LPM
+    Q_c = leak_d + leak_s + Q_comp - rate_leak
     k_c = circuit.k_c * (1.0 + circuit.k_c_slope * (T - circuit.T_ref)) * row[12]
     k_inf = circuit.k_inf * (1.0 + circuit.k_inf_slope * (T - circuit.T_ref))
     K = circuit.K * (1.0 + circuit.K_slope * (T - circuit.T_ref))
+    # the leak of the circuit, counted at 175 bar, ends in the return line, whose pressure hardly matters to it
+    Q_sys = counted_conductance(P_d - P_r, row[10] * _LPM) * (P_d - P_r)
     P_i = P_r + return_pressure_drop(Q_L + Q_sys + circuit.shared * Q_c, k_inf, K, circuit.gamma)
     P_down = P_i if circuit.shared > 0.5 else P_r
-    nu_ratio = kinematic_viscosity(fluid, T) / kinematic_viscosity(fluid, T_50)
+    T_c = T + throttling_heating(fluid, T, P_d, P_c)
+    nu_ratio = drain_viscosity_ratio(pump.fluid, T_c) if circuit.w_nu + row[13] != 0.0 else 1.0
     drop = drain_pressure_drop(Q_c, k_c, circuit.w_nu + row[13], circuit.w_Q + row[14], nu_ratio, circuit.Q_ref)
 
-    jet = (
-        2.0 * comp.C_q * comp.cos_jet * comp.w_edge * edge_opening(x - comp.x_overlap, comp.c_edge)[0] * (P_d - P_ctrl)
-    )
+    jet = jet_stiffness(comp, edge, x, P_d - P_ctrl)[0]
     preload = comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[11] * _BAR * comp.A_spool
     spring = preload + comp.k_spool * comp.x_zero + comp.k_spool * row[15] * (x - comp.x_zero)
 
@@ -187,9 +188,8 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     F[3] = inflow - out_spool - out_stroke - bleed_extra
     F[4] = P_d - P_i - k_d * Q_L * abs(Q_L) if k_d > 0.0 else Q_L - row[3] * _LPM
 
-    mu_ref = dynamic_viscosity(fluid, T_50, P_ATMOSPHERE)
-    viscous = pump.friction.torque_viscous_ref * dynamic_viscosity(fluid, T, P_ATMOSPHERE) / mu_ref * omega / OMEGA_REF
-    torque = Q_pump * (P_d - P_s) / omega + viscous + pump.friction.torque_pressure * (P_d - P_c)
+    mu_ratio = dynamic_viscosity(fluid, T, P_ATMOSPHERE) / dynamic_viscosity(fluid, T_50, P_ATMOSPHERE)
+    torque = Q_pump * (P_d - P_s) / omega + friction_torque(pump.drive, mu_ratio, omega / OMEGA_REF, P_d - P_c)
 
     Y[0] = (P_d - P_amb) / _BAR
     Y[1] = (P_c - P_amb) / _BAR
@@ -204,3 +204,4 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     Y[10] = (plate_d + plate_s) / _LPM
     Y[11] = Q_comp / _LPM
     Y[12] = (Q_pump + leak_s) / _LPM
+    Y[13] = T_c - _T_0

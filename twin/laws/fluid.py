@@ -22,6 +22,8 @@ class Fluid(NamedTuple):
     B_pressure_gain: float
     alpha_p: float
     c_p: float
+    air: float
+    air_exponent: float
 
 
 @compiled
@@ -42,27 +44,9 @@ def bulk_modulus(fluid: Fluid, T: float, P: float) -> float:
 
 @compiled
 def density(fluid: Fluid, T: float, P: float) -> float:
-    """Density [kg/m3]: linear in temperature at ambient pressure, compressed with the tangent modulus there."""
+    """Density of the air-free fluid [kg/m3]: linear in temperature at ambient pressure, compressed with the modulus."""
     rho_0 = fluid.rho_ref + fluid.rho_slope * (T - fluid.T_ref)
     return rho_0 * (1.0 + (P - P_ATMOSPHERE) / bulk_modulus(fluid, T, P))
-
-
-@compiled
-def relative_density(p: float, B_0: float, gain: float) -> float:
-    """Density over its value at ambient pressure [-] at gauge pressure p, with B_0 the modulus there."""
-    return 1.0 + p / (B_0 + gain * p)
-
-
-@compiled
-def gauge_pressure(w: float, B_0: float, gain: float) -> float:
-    """Inverse of ``relative_density`` [Pa]."""
-    return (w - 1.0) * B_0 / (1.0 - gain * (w - 1.0))
-
-
-@compiled
-def relative_compressibility(p: float, B_0: float, gain: float) -> float:
-    """Slope of ``relative_density`` [1/Pa]."""
-    return B_0 / (B_0 + gain * p) ** 2
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Flow across a metering edge of a spool, open or overlapped (section 2.5.1.1.1): three rival laws.
+"""Flow across a metering edge of a spool, open or overlapped (section 2.5.1.1.1): three rival laws, and a smooth one.
 
 ``X`` is the underlap [m] (2-15): positive when open, negative when overlapped. All laws are odd in the pressure
 difference and continuous at X = 0. ``c`` is the radial clearance of the spool.
@@ -28,8 +28,12 @@ class Edge(NamedTuple):
     K_rec: float
 
 
-MARE, AMESIM, ATTAR = 0, 1, 2
+SMOOTH, MARE, AMESIM, ATTAR = 0, 1, 2, 3
 """Codes of the rival laws."""
+_DX = 1.0e-8
+"""Half of the difference over which a published law's slope by the underlap is taken [m]."""
+_DP_LAMINAR = 1.0e3
+"""Pressure difference below which a turbulent edge counts as laminar [Pa]."""
 
 
 @compiled
@@ -122,10 +126,37 @@ def attar_flow(edge: Edge, X: float, dP: float, rho: float, nu: float) -> float:
 
 
 @compiled
-def edge_flow(law: int, edge: Edge, X: float, dP: float, rho: float, nu: float) -> float:
-    """Flow by the law of the given code [m3/s]; Attar's for any code but ``MARE`` and ``AMESIM``."""
+def smooth_opening(X: float, c: float) -> tuple[float, float]:
+    """Opening of a rounded edge [m] and its slope: X when open, c^2/(4|X|) when overlapped, smooth in between.
+
+    Our own law: the opening of 2-17 without its kink at X = 0, for solvers that differentiate.
+    """
+    root = math.sqrt(X * X + c * c)
+    opening = 0.5 * (X + root) if X > 0.0 else 0.5 * c * c / (root - X)
+    return opening, opening / root
+
+
+@compiled
+def edge_flow(law: float, edge: Edge, X: float, dP: float, rho: float, nu: float) -> float:
+    """Flow by the law of the given code [m3/s]; the smooth law is turbulent throughout."""
+    if law == SMOOTH:
+        return _odd(edge.C_q * edge.n * edge.l * smooth_opening(X, edge.c + edge.X_0)[0] * _speed(dP, rho), dP)
     if law == MARE:
         return mare_flow(edge, X, dP, rho, nu)
     if law == AMESIM:
         return amesim_flow(edge, X, dP, rho, nu)
     return attar_flow(edge, X, dP, rho, nu)
+
+
+@compiled
+def edge_conductance(law: float, edge: Edge, X: float, dP: float, rho: float, nu: float) -> tuple[float, float]:
+    """Secant conductance Q / dP [m3/s/Pa] and slope of the flow by the underlap dQ/dX [m2/s]."""
+    if law == SMOOTH:
+        opening, slope = smooth_opening(X, edge.c + edge.X_0)
+        root = math.sqrt(dP * dP + _DP_LAMINAR * _DP_LAMINAR)
+        per_opening = edge.C_q * edge.n * edge.l * math.sqrt(2.0 / (rho * root))
+        return per_opening * opening, per_opening * slope * dP
+    span = dP if abs(dP) > _DP_LAMINAR else _DP_LAMINAR
+    G = edge_flow(law, edge, X, span, rho, nu) / span
+    rise = edge_flow(law, edge, X + _DX, dP, rho, nu) - edge_flow(law, edge, X - _DX, dP, rho, nu)
+    return G, rise / (2.0 * _DX)

@@ -11,13 +11,14 @@ from collections.abc import Mapping
 from twin.fluids import FLUIDS, MIL_PRF_83282
 from twin.parameters import (
     Compensator,
-    Friction,
+    Drive,
     Piston,
     PortPlate,
     Pump,
     PumpType,
     Quantity,
     Sensor,
+    ServoPistons,
     Slipper,
     Swashplate,
     Volumes,
@@ -33,6 +34,7 @@ PISTON: Mapping[str, Quantity] = {
     "d_p": Quantity(9.75, "mm", _EST),
     "R": Quantity(17.5, "mm", f"{_EST}; pitch circle 35 mm"),
     "b": Quantity(5.6, "um", "from table 4-3: three pistons leak 0.0023 L/min there", 0.3),
+    "e_rel": Quantity(0.0, "-", "centred: the clearance itself is fitted to table 4-3"),
     "l_mean": Quantity(20.0, "mm", _EST),
     "V_dead": Quantity(0.25, "cm3", _EST, 0.2),
     "m": Quantity(20.0, "g", "estimate: steel piston of that size with its slipper", 0.3),
@@ -42,6 +44,16 @@ SLIPPER: Mapping[str, Quantity] = {
     "diameter_ratio": Quantity(1.45, "-", "Mkadara 2020, table 2-10"),
     "d_throttle": Quantity(0.67, "mm", "estimate: one geometry that meets table 2-13"),
     "C_q": Quantity(0.7, "-", "usual limit coefficient of a short orifice"),
+    "variable": Quantity(0, "-", "constant gap, as in section 3.3.2.1"),
+    "balance": Quantity(1.022, "-", "one value that meets table 2-13; must exceed 1/cos(alpha) to lift", 0.005),
+    "V_pocket": Quantity(30.0, "mm3", "estimate: pocket of some 8 mm, half a millimetre deep", 0.5),
+    "h_min": Quantity(0.5, "um", "estimate: roughness of lapped faces, where contact begins", 0.5),
+    "h_retainer": Quantity(116.0, "um", "one value that meets table 2-13", 0.3),
+    "k_contact": Quantity(2.0e4, "N/mm", "estimate: one micrometre at 20 N, bronze on steel in the thesis' sense", 0.5),
+    "d_contact": Quantity(500.0, "N s/m", "estimate: no rebound", 0.5),
+    "damping": Quantity(10.0, "N s/m", "estimate: viscous drag of the piston in its bore", 0.5),
+    "squeeze": Quantity(1.0, "-", "film damping of section 2.6.3, present"),
+    "pumped_repair": Quantity(1.0, "-", "section 2.6.3: one area for force and swept volume"),
 }
 PORT_PLATE: Mapping[str, Quantity] = {
     "h": Quantity(3.43, "um", "Mkadara 2020, table 3-9 (average of scattered fits)", 0.9),
@@ -54,9 +66,13 @@ PORT_PLATE: Mapping[str, Quantity] = {
     "dP_laminar": Quantity(0.02, "bar", "estimate: transition near Re 1000 in a port of some millimetres", 0.5),
 }
 SWASHPLATE: Mapping[str, Quantity] = {
+    "alpha_min": Quantity(-0.12, "rad", "estimate: a little past zero; section 2.5.3.2 shows negative tilt", 0.5),
     "alpha_max": Quantity(0.264, "rad", "Mkadara 2020, table 3-9", 0.013),
     "J": Quantity(2.5e-4, "kg m2", _EST, 0.3),
     "damping": Quantity(0.5, "N m s", "estimate: bearings and churning; damps the regulated pressure", 0.5),
+    "T_coulomb": Quantity(0.0, "N m", "none assumed when healthy: the pistons' forces shake the bearings loose"),
+    "T_static": Quantity(0.0, "N m", "none assumed when healthy"),
+    "w_friction": Quantity(0.05, "rad/s", "estimate: small against the rates of a load step, some rad/s", 0.5),
     "k_stop": Quantity(1.0e5, "N m/rad", "estimate: steel stop, 0.01 rad at 1 kN m", 0.5),
     "d_stop": Quantity(20.0, "N m s", "estimate: stops without rebound", 0.5),
 }
@@ -67,26 +83,58 @@ COMPENSATOR: Mapping[str, Quantity] = {
     "x_zero": Quantity(
         0.386784, "mm", "spool position of the healthy pump at zero flow and 50 degC (our own solution)"
     ),
+    "x_low": Quantity(-1.5, "mm", "estimate: travel of the spool towards its stop", 0.5),
+    "x_high": Quantity(1.5, "mm", "estimate: travel of the spool towards its stop", 0.5),
+    "k_stop": Quantity(1.0e3, "N/mm", "estimate: steel stop", 0.5),
+    "edge_law": Quantity(0, "-", "smooth law of our own: differentiable, within the published laws' spread"),
+    "n_edge": Quantity(1, "-", "one slot of width w_edge"),
     "w_edge": Quantity(0.20, "mm", _DROOP, 0.5),
     "c_edge": Quantity(5.0, "um", "estimate: sharp edge, rounded by a clearance", 0.5),
+    "edge_radius": Quantity(1.0, "um", "estimate: rounding of a new edge, which erosion increases", 0.5),
+    "delta_lambda": Quantity(7.0e-4, "-", "C_q over a transition flow number of 1000, the usual value", 0.3),
+    "K_rec": Quantity(2.0, "1/um", "estimate: an overlap of 10 um leaves a tenth of the laminar flow", 0.5),
     "x_overlap": Quantity(10.0, "um", "estimate: closed-centre valve, section 2.5.1.1", 0.5),
     "C_q": Quantity(0.7, "-", "usual limit coefficient of a sharp edge"),
     "cos_jet": Quantity(0.358, "-", "cosine of the 69 deg jet angle of a sharp edge, section 2.5.1.1.2"),
+    "L_jet": Quantity(0.0, "mm", "transient jet force off: small beside the viscous damping"),
     "d_spool": Quantity(5.97, "mm", "diameter of the spool area"),
     "c_spool": Quantity(6.0, "um", "estimate: usual clearance of a lapped spool", 0.5),
+    "e_rel": Quantity(0.0, "-", "centred: the bleed is fitted whatever path it takes"),
     "l_seal_discharge": Quantity(0.6, "mm", "estimate: short seal beside the metering slots", 0.5),
     "l_seal_case": Quantity(3.0, "mm", _EST, 0.5),
-    "A_stroke": Quantity(150.0, "mm2", _EST, 0.1),
-    "L_stroke": Quantity(28.0, "mm", _EST),
-    "b_stroke": Quantity(8.0, "um", "estimate: usual clearance of a servo piston", 0.5),
-    "l_stroke": Quantity(15.0, "mm", _EST),
     "d_bleed": Quantity(0.39314, "mm", _SHEET, 0.2),
-    "F_rate": Quantity(420.880, "N", "1 kN at zero tilt less the spring's travel", 0.3),
-    "k_rate": Quantity(76.5156, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
-    "L_rate": Quantity(28.0, "mm", _EST),
     "spring_softening": Quantity(0.0, "1/K", "not modelled: no temperature series of the setting is published"),
     "m_spool": Quantity(10.0, "g", "estimate: steel spool with a third of its spring", 0.3),
     "damping": Quantity(20.0, "N s/m", "estimate: viscous drag of the lands", 0.5),
+    "F_coulomb": Quantity(0.0, "N", "none assumed when healthy: pulsation shakes the spool loose"),
+    "F_static": Quantity(0.0, "N", "none assumed when healthy"),
+    "v_friction": Quantity(0.2, "mm/s", "10 000 times below the spool's fastest, section 2.5.2.2"),
+}
+SERVO: Mapping[str, Quantity] = {
+    "A_stroke": Quantity(150.0, "mm2", _EST, 0.1),
+    "L_stroke": Quantity(28.0, "mm", _EST),
+    "b_stroke": Quantity(8.0, "um", "estimate: usual clearance of a servo piston", 0.5),
+    "e_rel_stroke": Quantity(0.0, "-", "centred: the bleed is fitted whatever path it takes"),
+    "l_stroke": Quantity(15.0, "mm", _EST),
+    "m_stroke": Quantity(20.0, "g", "estimate: steel piston of that size", 0.3),
+    "F_coulomb_stroke": Quantity(0.0, "N", "none assumed when healthy"),
+    "F_static_stroke": Quantity(0.0, "N", "none assumed when healthy"),
+    "A_rate": Quantity(50.0, "mm2", "20.3 MPa of table 3-9 times it is 1 kN", 0.2),
+    "L_rate": Quantity(28.0, "mm", _EST),
+    "F_rate": Quantity(420.880, "N", "1 kN at zero tilt less the spring's travel", 0.3),
+    "k_rate": Quantity(76.5156, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
+    "rate_fed": Quantity(0, "-", "spring bore vented to the case: table 3-9 calls its preload the spring's"),
+    "b_rate": Quantity(8.0, "um", "estimate: usual clearance of a servo piston", 0.5),
+    "e_rel_rate": Quantity(0.0, "-", "centred"),
+    "l_rate": Quantity(15.0, "mm", _EST),
+    "m_rate": Quantity(20.0, "g", "estimate: steel piston of that size with a third of its spring", 0.3),
+    "F_coulomb_rate": Quantity(0.0, "N", "none assumed when healthy"),
+    "F_static_rate": Quantity(0.0, "N", "none assumed when healthy"),
+    "viscous": Quantity(1.0, "-", "drag of the gaps by equation 2-11, as it comes"),
+    "v_friction": Quantity(1.0, "mm/s", "estimate: small against the strokes of a load step, some 100 mm/s"),
+    "contact": Quantity(0, "-", "both pistons follow the plate: springs and pressure keep them on it"),
+    "k_contact": Quantity(2.0e4, "N/mm", "estimate: steel ball end on a steel plate", 0.5),
+    "d_contact": Quantity(500.0, "N s/m", "estimate: little rebound", 0.5),
 }
 VOLUMES: Mapping[str, Quantity] = {
     "discharge": Quantity(0.45, "L", f"{_EST}: 0.3 to 0.6 L sets the peak of a load step", 0.3),
@@ -94,11 +142,13 @@ VOLUMES: Mapping[str, Quantity] = {
     "return_line": Quantity(0.5, "L", "estimate: hose and fittings", 0.5),
     "control": Quantity(4.0, "cm3", "estimate: bore and gallery of the stroking piston", 0.3),
 }
-FRICTION: Mapping[str, Quantity] = {
+DRIVE: Mapping[str, Quantity] = {
     "torque_viscous_ref": Quantity(1.0, "N m", _SHEET, 0.3),
     "torque_pressure": Quantity(
         0.049564, "cm3", f"{_SHEET}: N m of Coulomb friction per Pa of discharge pressure", 0.3
     ),
+    "J": Quantity(0.0, "kg m2", "ideal speed: a main gear box does not give way to one pump"),
+    "stiffness": Quantity(0.85, "N m s", "13.4 N m of a load step move the bench's drive by 150 rpm, figure 3-16", 0.3),
 }
 
 _PARTS: Mapping[str, Mapping[str, Quantity]] = {
@@ -108,7 +158,8 @@ _PARTS: Mapping[str, Mapping[str, Quantity]] = {
     "swashplate": SWASHPLATE,
     "compensator": COMPENSATOR,
     "volumes": VOLUMES,
-    "friction": FRICTION,
+    "servo": SERVO,
+    "drive": DRIVE,
     "fluid": MIL_PRF_83282,
 }
 
@@ -142,7 +193,8 @@ H225 = PumpType(
         swashplate=block(Swashplate, SWASHPLATE),
         compensator=block(Compensator, COMPENSATOR),
         volumes=block(Volumes, VOLUMES),
-        friction=block(Friction, FRICTION),
+        servo=block(ServoPistons, SERVO),
+        drive=block(Drive, DRIVE),
         fluid=FLUIDS["MIL-PRF-83282"],
     ),
     quantities={f"{part}.{name}": q for part, fields in _PARTS.items() for name, q in fields.items()},

@@ -1,158 +1,263 @@
-"""Run the transient pump at one condition: compiled loop and typed shell."""
+"""Run a scenario: typed shell round the compiled loop. One run, a stream of pieces, or a batch on all cores."""
 
 import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled import compiled
-from twin.condition import OUTPUTS, Condition, Health, input_rows
+from twin.condition import Condition, Health
 from twin.parameters import Circuit, Pump
-from twin.simulation.network import ALPHA, Scene, scene_of
-from twin.simulation.step import N_FLOWS, N_SHARED, N_SOLVED, step
-from twin.steady_solver import WORK_ROWS, solve_cold
-from twin.steady_state import N_UNKNOWNS
-from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_DEG
+from twin.recording import Recording
+from twin.simulation.layout import N_SHARED, P_C, P_D, state_name
+from twin.simulation.loop import CAVITATED, DIVERGED, N_MEAN, N_SAMPLE, RUNNING, STEP_TOO_SHORT, run_loop, workspace
+from twin.simulation.output import MEANS, cycle_means, recording_of
+from twin.simulation.scenario import STEP_RANGE_S, Scenario, Value
+from twin.simulation.start import starting_state
+from twin.units import RAD_PER_S_PER_RPM
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+Progress = Callable[[float], None]
 
-RUN_OK, RUN_FAILED = 0, 1
-DEFAULT_STEP_S = 40.0e-6
-MEANS: tuple[str, ...] = (
-    "discharge_pressure_bar",
-    "case_pressure_bar",
-    "return_pressure_bar",
-    "control_pressure_bar",
-    "swashplate_angle_deg",
-    "discharge_flow_lpm",
-    "case_flow_lpm",
-    "return_flow_lpm",
-    "suction_flow_lpm",
-    "shaft_torque_nm",
-)
-"""Cycle means that a run gives; discharge flow includes what leaks in the circuit, torque is the hydraulic part."""
+DEFAULT_STEP_S = 60.0e-6
+LARGEST_TURN_RAD = 0.029
+VARIABLE_GAP_STEP_S = 10.0e-6
+_PIECE_S = 0.25
+"""Longest piece between two calls of the compiled loop [s]: progress, and memory of a stream."""
+
+ADVICE: dict[int, str] = {
+    RUNNING: "ran to its end",
+    DIVERGED: "the solution left the numbers: take a shorter step, or adaptive=True, and look at what happens there",
+    CAVITATED: "a volume ran dry: the asked flow is more than the pump delivers, give the load as an opening instead",
+    STEP_TOO_SHORT: "no step was short enough: something strikes too hard there, soften the contact or take fixed steps",
+}
 
 
 @dataclass(frozen=True, slots=True)
-class SteadyRun:
-    """A run at constant condition.
+class Status:
+    """How a run ended.
 
     Attributes
     ----------
-    time_s, states
-        Instants, shape (m,), and states, shape (m, n + 8): chambers' pressures, P_d, P_c, P_i, P_ctrl [Pa
-        absolute], spool position [m] and speed, tilt [rad] and tilt rate.
+    code
+        0 when it went through, else a code of ``ADVICE``.
+    time_s
+        Where it ended [s].
+    worst_state
+        The state farthest from its place when it failed, in words; empty when it went through.
+    n_steps, n_rejected
+        Steps taken, and tried again shorter (adaptive steps only).
+    """
+
+    code: int
+    time_s: float
+    worst_state: str
+    n_steps: int
+    n_rejected: int
+
+    @property
+    def ok(self) -> bool:
+        """True when the run went through."""
+        return self.code == RUNNING
+
+    @property
+    def advice(self) -> str:
+        """What happened and what to do, in a sentence."""
+        if self.ok:
+            return ADVICE[RUNNING]
+        return f"stopped at {self.time_s:.6g} s ({self.worst_state}): {ADVICE[self.code]}"
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a simulation gives: everything up to where it ended.
+
+    Attributes
+    ----------
+    recording
+        Channels over time (``twin.simulation.output``).
     means
-        Means over the last whole revolutions by the names of ``MEANS``.
-    status
-        0 when the run went through; else it stopped at the last instant of ``time_s``.
+        Means over each whole revolution: name of ``MEANS`` to shape (n_revolutions,), and ``end_s``.
+    states
+        All states at every sample where they were asked for, shape (m, n_states), SI, absolute; else (0, n_states).
     """
 
-    time_s: Vector
+    recording: Recording
+    means: dict[str, Vector]
+    status: Status
     states: Matrix
-    means: dict[str, float]
-    status: int
+
+    def mean(self, name: str, revolutions: int = 1) -> float:
+        """Mean over the last whole revolutions."""
+        return float(self.means[name][-revolutions:].mean())
 
 
-@compiled
-def advance(
+def default_step(pump: Pump, scenario: Scenario) -> float:
+    """Longest step that keeps the means within 0.1 %: 60 us and 1.7 degrees, or 10 us with variable gaps [s]."""
+    if pump.slipper.variable > 0.5:
+        return VARIABLE_GAP_STEP_S
+    return min(DEFAULT_STEP_S, LARGEST_TURN_RAD / (_fastest(scenario) * RAD_PER_S_PER_RPM))
+
+
+def _fastest(scenario: Scenario) -> float:
+    speed = scenario.changes.get("speed_rpm", scenario.condition.speed_rpm)
+    return float(speed) if isinstance(speed, int | float) else max(speed.values)
+
+
+def stepping(scenario: Scenario, sample_rate_hz: float | None, step_s: float) -> tuple[float, int]:
+    """Step and number of steps per sample: a whole number per sample, or per revolution where every step is kept."""
+    if sample_rate_hz is None:
+        period = 2.0 * math.pi / (_fastest(scenario) * RAD_PER_S_PER_RPM)
+        return period / math.ceil(period / step_s - 1e-9), 1
+    interval = 1.0 / sample_rate_hz
+    substeps = max(1, math.ceil(interval / step_s - 1e-9))
+    return interval / substeps, substeps
+
+
+def pieces(
     pump: Pump,
     circuit: Circuit,
-    scene: Scene,
-    y: Vector,
-    n: int,
-    theta: float,
-    dt: float,
-    extrapolate: bool,
-    scales: Matrix,
-    chambers: Matrix,
-    A: Matrix,
-    b: Vector,
-    coarse: Vector,
-    flows: Vector,
-    flows_2: Vector,
-) -> bool:
-    """One step of ``dt``, extrapolated from one full and two half steps: second order, the bias taken out."""
-    if not extrapolate:
-        return step(pump, circuit, scene, y, n, theta, dt, scales, chambers, A, b, flows)
-    coarse[:] = y
-    ok = step(pump, circuit, scene, coarse, n, theta, dt, scales, chambers, A, b, flows)
-    half = 0.5 * dt
-    ok = ok and step(pump, circuit, scene, y, n, theta, half, scales, chambers, A, b, flows_2)
-    for j in range(N_FLOWS):
-        flows[j] = flows_2[j] - flows[j]
-    ok = ok and step(pump, circuit, scene, y, n, theta + scene.omega * half, half, scales, chambers, A, b, flows_2)
-    for j in range(N_FLOWS):
-        flows[j] += flows_2[j]
-    for j in range(y.shape[0]):
-        y[j] = 2.0 * y[j] - coarse[j]
-    return ok
+    scenario: Scenario,
+    *,
+    sample_rate_hz: float | None = None,
+    step_s: float | None = None,
+    adaptive: bool = False,
+    extrapolate: bool = True,
+    keep_states: bool = False,
+    initial_state: Vector | None = None,
+    piece_s: float = _PIECE_S,
+) -> Iterator[Run]:
+    """Simulate a scenario piece by piece: every piece is a ``Run`` of its own, so that memory stays bounded.
 
-
-@compiled
-def run_loop(
-    pump: Pump,
-    circuit: Circuit,
-    scene: Scene,
-    y: Vector,
-    n: int,
-    dt: float,
-    n_steps: int,
-    n_mean: int,
-    every: int,
-    extrapolate: bool,
-    scales: Matrix,
-    out: Matrix,
-    means: Vector,
-) -> int:
-    """Take ``n_steps``; every ``every``-th state goes to ``out``; the last ``n_mean`` steps are averaged.
-
-    Returns the number of steps that went through. Nothing is allocated inside the loop.
-    """
-    chambers = np.empty((n, 12))
-    A, b = np.empty((N_SOLVED, N_SOLVED)), np.empty(N_SOLVED)
-    coarse = np.empty(y.shape[0])
-    flows, flows_2 = np.empty(N_FLOWS), np.empty(N_FLOWS)
-    means[:] = 0.0
-    theta = 0.0
-    for i in range(n_steps):
-        if i % every == 0:
-            out[i // every, :] = y
-        ok = advance(pump, circuit, scene, y, n, theta, dt, extrapolate, scales, chambers, A, b, coarse, flows, flows_2)
-        if not ok:
-            return i
-        theta = (theta + scene.omega * dt) % (2.0 * math.pi)
-        if i >= n_steps - n_mean:
-            for j in range(4):
-                means[j] += y[n + j] / n_mean
-            means[4] += y[n + ALPHA] / n_mean
-            for j in range(N_FLOWS):
-                means[5 + j] += flows[j] / n_mean
-    return n_steps
-
-
-def initial_state(pump: Pump, circuit: Circuit, row: Vector, k_d: float) -> Vector:
-    """State at the operating point of one row of inputs, chambers included, shape (n + 8,).
+    Parameters
+    ----------
+    sample_rate_hz
+        Rate of the output [Hz]; None keeps every step, a whole number of them per revolution.
+    step_s
+        Longest step [s], within ``STEP_RANGE_S``; None takes ``default_step``.
+    adaptive
+        Choose each step by the error that extrapolation shows; ``step_s`` stays the longest.
+    extrapolate
+        Second order by extrapolation; False gives the plain first-order step.
+    keep_states
+        Keep all states at every sample.
+    initial_state
+        Start from here instead of from the operating point, shape (n_states,).
+    piece_s
+        Length of a piece [s].
 
     Raises
     ------
     ValueError
-        when there is no operating point to start from.
+        naming every fault of the scenario, the step or the rate; or when there is no operating point to start from.
     """
-    u, Y, work = np.empty(N_UNKNOWNS), np.empty(len(OUTPUTS)), np.empty((WORK_ROWS, N_UNKNOWNS))
-    if not solve_cold(pump, circuit, row, k_d, u, Y, work):
-        raise ValueError("no operating point to start from: ask for less flow or a healthier pump")
     n = int(pump.piston.n)
-    ambient = row[4] * PA_PER_BAR
-    P_s = row[2] * PA_PER_BAR + ambient
-    angles = 2.0 * np.pi * np.arange(n) / n
-    y = np.empty(n + N_SHARED)
-    y[:n] = np.where((angles > pump.port_plate.phi_commutation) & (angles < np.pi), u[0], P_s)
-    y[n : n + 4] = Y[:4] * PA_PER_BAR + ambient
-    y[n + 4 :] = (u[3], 0.0, min(u[2], pump.swashplate.alpha_max), 0.0)
-    return y
+    faults = []
+    low, high = STEP_RANGE_S
+    if step_s is not None and not (math.isfinite(step_s) and low <= step_s <= high):
+        faults.append(f"step_s = {step_s:g} (allowed: {low:g} to {high:g} s)")
+    if sample_rate_hz is not None and not (math.isfinite(sample_rate_hz) and 0.1 <= sample_rate_hz <= 1.0e6):
+        faults.append(f"sample_rate_hz = {sample_rate_hz:g} (allowed: 0.1 to 1e6 Hz)")
+    if not (math.isfinite(piece_s) and piece_s > 0.0):
+        faults.append(f"piece_s = {piece_s:g} (must be above 0 s)")
+    try:
+        times, table = scenario.table(n)
+    except ValueError as problem:
+        faults.append(str(problem))
+    if faults:
+        raise ValueError("; ".join(faults))
+    start, T_start = starting_state(pump, circuit, table[0])
+    if initial_state is not None:
+        if initial_state.shape != start.shape:
+            raise ValueError(f"initial_state must have shape {start.shape}; got {initial_state.shape}")
+        start = initial_state.copy()
+    y = start
+    dt, substeps = stepping(scenario, sample_rate_hz, step_s or default_step(pump, scenario))
+    interval = dt * substeps
+    total = max(1, round(scenario.duration_s / interval))
+    per_piece = max(1, round(piece_s / interval))
+    ws = workspace(n, len(y))
+    revolution = np.zeros(3 + 2 * N_MEAN)
+    revolution[1] = y[12]
+    revolution[3 + N_MEAN : 8 + N_MEAN] = [*y[:4], y[6]]
+    counts = np.zeros(3, dtype=np.int64)
+    fastest = table[:, 0].max() * RAD_PER_S_PER_RPM * 1.2
+    for first in range(0, total, per_piece):
+        m = min(per_piece, total - first)
+        samples = np.empty((m, N_SAMPLE))
+        keep = np.empty((m if keep_states else 0, len(y)))
+        means = np.empty((math.ceil(m * interval * fastest / (2 * math.pi)) + 2, 1 + N_MEAN))
+        counts[0] = 0
+        samples[:, 0] = np.nan
+        code = run_loop(
+            pump, circuit, times, table, y, n, first * interval, dt, m, substeps, extrapolate, adaptive, T_start,
+            keep, samples, revolution, means, counts, ws,
+        )  # fmt: skip
+        done = m if code == RUNNING else int(np.flatnonzero(np.isnan(samples[:, 0]))[0])
+        instants = interval * np.arange(first + 1, first + done + 1, dtype=np.float64)
+        ended = instants[-1] if code == RUNNING else float(revolution[0])
+        worst = "" if code == RUNNING else _worst(y, n)
+        yield Run(
+            recording_of(scenario.title, times, table, instants, samples[:done]),
+            cycle_means(times, table, means[: min(int(counts[0]), len(means))]),
+            Status(code, float(ended), worst, int(counts[1]), int(counts[2])),
+            keep[:done],
+        )
+        if code != RUNNING:
+            return
+
+
+def simulate(
+    pump: Pump,
+    circuit: Circuit,
+    scenario: Scenario,
+    *,
+    progress: Progress | None = None,
+    **options: float | bool | Vector | None,
+) -> Run:
+    """Simulate a scenario in memory; ``options`` as of ``pieces``; ``progress`` is told the share that is done.
+
+    Raises
+    ------
+    ValueError
+        as of ``pieces``. A run that fails on its way raises nothing: see its ``status``.
+    """
+    parts: list[Run] = []
+    for part in pieces(pump, circuit, scenario, **options):  # type: ignore[arg-type]
+        parts.append(part)
+        if progress is not None:
+            progress(min(part.status.time_s / scenario.duration_s, 1.0))
+    if len(parts) == 1:
+        return parts[0]
+    names = parts[0].recording.channels
+    channels = {name: np.concatenate([p.recording[name] for p in parts]) for name in names}
+    means = {name: np.concatenate([p.means[name] for p in parts]) for name in parts[0].means}
+    states = np.concatenate([p.states for p in parts])
+    return Run(Recording(channels, parts[0].recording.attributes), means, parts[-1].status, states)
+
+
+def simulate_batch(
+    pump: Pump,
+    circuit: Circuit,
+    scenarios: Sequence[Scenario],
+    *,
+    n_workers: int | None = None,
+    **options: float | bool | Vector | None,
+) -> list[Run | ValueError]:
+    """Simulate many scenarios on all cores; one that cannot run comes back as its error and costs no neighbour."""
+
+    def one(scenario: Scenario) -> Run | ValueError:
+        try:
+            return simulate(pump, circuit, scenario, **options)
+        except ValueError as problem:
+            return problem
+
+    with ThreadPoolExecutor(n_workers or os.cpu_count() or 1) as pool:
+        return list(pool.map(one, scenarios))
 
 
 def steady_run(
@@ -161,67 +266,26 @@ def steady_run(
     circuit: Circuit,
     health: Health = Health(),  # noqa: B008 - immutable
     *,
-    load_coefficient: float = 0.0,
+    changes: dict[str, Value] | None = None,
     settle_revolutions: int = 12,
     mean_revolutions: int = 4,
-    step_s: float = DEFAULT_STEP_S,
-    extrapolate: bool = True,
-    piston_scales: Vector | None = None,
-    slipper_scales: Vector | None = None,
-) -> SteadyRun:
-    """Simulate the pump at constant condition from its operating point, and average over whole revolutions.
+    **options: float | bool | Vector | None,
+) -> Run:
+    """Simulate at constant condition from the operating point for whole revolutions; ``Run.mean`` averages."""
+    period = 60.0 / condition.speed_rpm
+    duration = period * (settle_revolutions + mean_revolutions)
+    return simulate(pump, circuit, Scenario(duration, condition, health, changes or {}), **options)
 
-    Parameters
-    ----------
-    load_coefficient
-        Where positive, the load is equation 3-2 with this k_d [Pa/(m3/s)^2].
-    settle_revolutions, mean_revolutions
-        Revolutions before and within the average.
-    step_s
-        Step [s], shortened so that a revolution is a whole number of steps.
-    extrapolate
-        Second order by extrapolation; False gives the plain first-order step.
-    piston_scales, slipper_scales
-        Leakage of each piston and slipper relative to the health's, shape (n,).
 
-    Raises
-    ------
-    ValueError
-        when there is no operating point to start from, or a scale has the wrong shape.
-    """
-    n = int(pump.piston.n)
-    row = input_rows([condition], [health])[0]
-    scene = scene_of(pump, circuit, row, load_coefficient)
-    scales = np.ones((n, 2))
-    for j, own in enumerate((piston_scales, slipper_scales)):
-        if own is not None:
-            if np.shape(own) != (n,):
-                raise ValueError(f"leakage scales must have shape ({n},), one per piston; got {np.shape(own)}")
-            scales[:, j] = own
-    per_revolution = math.ceil(2.0 * math.pi / scene.omega / step_s)
-    dt = 2.0 * math.pi / scene.omega / per_revolution
-    n_steps = per_revolution * (settle_revolutions + mean_revolutions)
-    y = initial_state(pump, circuit, row, load_coefficient)
-    states, means = np.empty((n_steps, len(y))), np.empty(len(MEANS))
-    done = run_loop(
-        pump,
-        circuit,
-        scene,
-        y,
-        n,
-        dt,
-        n_steps,
-        per_revolution * mean_revolutions,
-        1,
-        extrapolate,
-        scales,
-        states,
-        means,
-    )
-    ambient = condition.ambient_pressure_bar * PA_PER_BAR
-    means[:4] = (means[:4] - ambient) / PA_PER_BAR
-    means[4] /= RAD_PER_DEG
-    means[5:9] /= M3_PER_S_PER_LPM
-    named: dict[str, float] = dict(zip(MEANS, means.tolist(), strict=True))
-    time_s = dt * np.arange(done, dtype=np.float64)
-    return SteadyRun(time_s, states[:done], named, RUN_OK if done == n_steps else RUN_FAILED)
+def _worst(y: Vector, n: int) -> str:
+    """Name of the state that has run farthest off."""
+    bad = np.flatnonzero(~np.isfinite(y))
+    if len(bad):
+        return state_name(int(bad[0]), n)
+    if min(y[P_D], y[P_C]) < 0.0:
+        return state_name(P_D if y[P_D] < y[P_C] else P_C, n)
+    chambers = y[N_SHARED : N_SHARED + n]
+    return state_name(N_SHARED + int(np.argmax(np.abs(chambers))), n)
+
+
+__all__ = ["ADVICE", "MEANS", "Run", "Status", "pieces", "simulate", "simulate_batch", "steady_run"]

@@ -10,185 +10,193 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled import compiled
-from twin.laws.fluid import P_ATMOSPHERE, gauge_pressure, relative_compressibility, relative_density
-from twin.linear import solve_in_place
+from twin.compiled import compiled, inlined
+from twin.laws.compressibility import pressure, relative_compressibility, relative_density
 from twin.parameters import Circuit, Pump
-from twin.parts.piston import chamber_volume
-from twin.simulation.network import (
+from twin.parts.drive import friction_torque, speed_after
+from twin.simulation import chambers, slippers
+from twin.simulation.layout import (
     ALPHA,
     ALPHA_DOT,
+    OMEGA,
     P_C,
     P_CTRL,
     P_D,
     P_I,
+    Q_DRAIN,
+    Q_LOAD,
+    Q_RETURN,
+    Q_SUCTION,
+    Q_SYSTEM,
+    THETA,
+    TORQUE,
+    V_RATE,
     V_SPOOL,
-    Scene,
+    V_STROKE,
+    X_RATE,
+    X_STROKE,
     X,
-    chamber_network,
-    shared_network,
 )
+from twin.simulation.scene import Scene
+from twin.simulation.shared import Shared, assemble, servo_speed, shared_passages
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-N_SHARED = 8
 N_SOLVED = 6
-N_FLOWS = 5
-"""Flows that a step reports: discharge (load and system), case drain, return line, suction, shaft torque [N m]."""
-_V_ROW, _W_ROW = 4, 5
-_FLOOR = 1.0e3
-"""Lowest absolute pressure [Pa]: fluid does not bear tension; reaching it is cavitation and is counted."""
 
 
-@compiled
-def step(
+@inlined
+def passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector, n: int, clearances: Matrix, ch: Matrix) -> Shared:
+    """Every passage and force at the state ``y`` but the ports: chambers into ``ch``, the rest returned."""
+    t = math.tan(y[ALPHA])
+    chambers.volumes(pump, scene, y, n, t, ch)
+    if pump.slipper.variable > 0.5:
+        slippers.variable_gaps(pump, scene, y, n, clearances, ch)
+    else:
+        chambers.constant_gaps(pump, scene, y, n, clearances, t, ch)
+    return shared_passages(pump, circuit, scene, y)
+
+
+@inlined
+def solve_step(
     pump: Pump,
     circuit: Circuit,
     scene: Scene,
+    s: Shared,
     y: Vector,
     n: int,
-    theta: float,
     dt: float,
-    scales: Matrix,
-    chambers: Matrix,
+    n_sub: int,
+    T_start: float,
+    clearances: Matrix,
+    ch: Matrix,
     A: Matrix,
     b: Vector,
+    masses: Vector,
     flows: Vector,
 ) -> bool:
-    """Advance ``y``, shape (n + 8,), by ``dt`` in place from shaft angle ``theta``; False when it failed.
+    """Advance ``y`` by ``dt`` in place with the passages in ``s`` and ``ch``; False when it failed.
 
-    ``chambers`` (n, 12), ``A`` (6, 6) and ``b`` (6,) are scratch; ``flows`` (5,) receives the step's flows.
+    ``A`` (6, 6) and ``b`` (6,) are scratch; ``masses`` (4 + n,) receives the fluid in discharge, case, return, control
+    volume and chambers [m3 at ambient density]; ``flows`` (N_FLOWS,) the step's flows.
     """
-    z = y[n:]
-    chamber_network(pump, scene, y, n, theta, scales, chambers)
-    s = shared_network(pump, circuit, scene, z)
-    piston, volumes, comp = pump.piston, pump.volumes, pump.compensator
-    B, gain = scene.B_0, scene.B_gain
-    P_s = scene.P_s
-    P_d, P_c, P_i, P_ctrl = z[P_D], z[P_C], z[P_I], z[P_CTRL]
-    x, v, alpha, alpha_dot = z[X], z[V_SPOOL], z[ALPHA], z[ALPHA_DOT]
-    t, t_max = math.tan(alpha), math.tan(pump.swashplate.alpha_max)
-    shared = 1.0 if circuit.shared > 0.5 else 0.0
-    A[:, :] = 0.0
-    # unknowns: P_d, P_c, P_i, P_ctrl, v, alpha_dot, all at the end of the step
-    for i, (P, volume) in enumerate(
-        ((P_d, volumes.discharge), (P_c, volumes.case), (P_i, volumes.return_line), (P_ctrl, volumes.control))
-    ):
-        C = relative_compressibility(P - P_ATMOSPHERE, B, gain) * volume / dt
-        A[i, i] = C
-        b[i] = C * P
-    A[_W_ROW, _W_ROW] = pump.swashplate.J / dt
-    b[_W_ROW] = pump.swashplate.J / dt * alpha_dot
-
-    turn_c, turn_s = math.cos(scene.omega * dt), math.sin(scene.omega * dt)
-    # chambers: P' = a_0 + a_d P_d' + a_c P_c' + a_w alpha_dot'
-    for k in range(n):
-        G_d, G_s, G_l, drag, volume, _, tilt = chambers[k, :7]
-        p = y[k] - P_ATMOSPHERE
-        w = relative_density(p, B, gain)
-        c_new = chambers[k, 7] * turn_c - chambers[k, 8] * turn_s
-        chambers[k, 7] = c_new
-        turned = chamber_volume(piston, t_max, t, c_new)
-        C = relative_compressibility(p, B, gain) * volume / dt
-        D = C + G_d + G_s + G_l
-        a_0 = (C * y[k] + G_s * P_s - drag - w * (turned - volume) / dt) / D
-        a_d, a_c, a_w = G_d / D, G_l / D, -w * tilt / D
-        chambers[k, 8], chambers[k, 9], chambers[k, 10], chambers[k, 11] = a_0, a_d, a_c, a_w
-        # into P_d: G_d (P' - P_d'); into P_c: G_l (P' - P_c') + drag; on the plate: tilt (P' - P_c')
-        A[0, 0] += G_d * (1.0 - a_d)
-        A[0, 1] -= G_d * a_c
-        A[0, 5] -= G_d * a_w
-        b[0] += G_d * a_0
-        A[1, 1] += G_l * (1.0 - a_c)
-        A[1, 0] -= G_l * a_d
-        A[1, 5] -= G_l * a_w
-        b[1] += G_l * a_0 + drag
-        A[5, 0] -= tilt * a_d
-        A[5, 1] += tilt * (1.0 - a_c)
-        A[5, 5] -= tilt * a_w
-        b[5] += tilt * a_0
-
-    G_dc = s.plate_d + s.throttled
-    # discharge
-    A[0, 0] += s.load + s.e_in + G_dc
-    A[0, 2] -= s.load
-    A[0, 3] -= s.e_in
-    A[0, 1] -= G_dc
-    A[0, 4] += s.e_in_x * dt
-    b[0] -= scene.Q_load + scene.Q_sys
-    # case; a separate drain ends in the reservoir
-    A[1, 0] -= G_dc
-    A[1, 1] += G_dc + s.plate_s + s.e_out + s.drain
-    A[1, 3] -= s.e_out
-    A[1, 2] -= s.drain * shared
-    A[1, 4] -= s.e_out_x * dt
-    A[1, 5] += s.arm
-    b[1] += s.plate_s * P_s + s.bleed + s.drain * (1.0 - shared) * P_s
-    # return junction
-    A[2, 0] -= s.load
-    A[2, 2] += s.load + s.ret + s.drain * shared
-    A[2, 1] -= s.drain * shared
-    b[2] += scene.Q_load + scene.Q_sys + s.ret * P_s
-    # control volume: it grows as the tilt falls
-    A[3, 3] += s.e_in + s.e_out
-    A[3, 0] -= s.e_in
-    A[3, 1] -= s.e_out
-    A[3, 4] -= (s.e_in_x - s.e_out_x) * dt
-    A[3, 5] -= s.arm
-    b[3] -= s.bleed
-    # spool
-    A[4, 4] = comp.m_spool / dt + s.F_spring_x * dt + comp.damping
-    A[4, 0] -= comp.A_spool
-    A[4, 1] += comp.A_spool
-    b[4] = comp.m_spool / dt * v - (s.F_spring - comp.damping * v)
-    # plate
-    A[5, 5] -= s.torque_alpha_dot + s.torque_alpha * dt
-    A[5, 3] += s.arm
-    A[5, 1] -= s.arm
-    b[5] += s.torque - s.torque_alpha_dot * alpha_dot
-    if not solve_in_place(A, b.reshape((N_SOLVED, 1))):
+    lifted = pump.slipper.variable > 0.5
+    assemble(pump, circuit, scene, s, y, dt, A, b)
+    if lifted:
+        chambers.ports(pump, scene, y, n, 0.5 * dt * y[OMEGA], ch)
+        slippers.eliminate_lifted(pump, scene, y, n, dt, ch, A, b)
+    else:
+        chambers.eliminate(pump, scene, y, n, dt, n_sub, clearances, ch, A, b)
+    if not solve_shared(A, b):
         return False
-
     Pd, Pc, Pi, Pctrl, v_new, w_new = b[0], b[1], b[2], b[3], b[4], b[5]
-    alpha_new = alpha + dt * w_new
+    alpha_new = y[ALPHA] + dt * w_new
     t_new = math.tan(alpha_new)
-    to_discharge = leaked = torque = drawn = 0.0
-    for k in range(n):
-        G_d, G_s, G_l, drag, volume, rotation, _ = chambers[k, :7]
-        P = chambers[k, 8] + chambers[k, 9] * Pd + chambers[k, 10] * Pc + chambers[k, 11] * w_new
-        q_d, q_s, q_l = G_d * (P - Pd), G_s * (P_s - P), G_l * (P - Pc) + drag
-        mass = relative_density(y[k] - P_ATMOSPHERE, B, gain) * volume + dt * (q_s - q_d - q_l)
-        new_volume = chamber_volume(piston, t_max, t_new, chambers[k, 7])
-        y[k] = max(P_ATMOSPHERE + gauge_pressure(mass / new_volume, B, gain), _FLOOR)
-        to_discharge += q_d
-        leaked += q_l
-        drawn += q_s
-        torque -= (P - Pc) * rotation / scene.omega
-    q_load = s.load * (Pd - Pi) + scene.Q_load + scene.Q_sys
+    if lifted:
+        to_discharge, leaked = slippers.update_lifted(pump, scene, y, n, dt, ch, b, t_new, flows)
+    else:
+        to_discharge, leaked = chambers.update(pump, scene, y, n, dt, ch, b, t_new, flows)
+
+    P_s = scene.P_s
+    shared = 1.0 if circuit.shared > 0.5 else 0.0
+    q_load = s.load * (Pd - Pi) + scene.Q_load
+    q_sys = s.system * (Pd - P_s)
     q_in = s.e_in * (Pd - Pctrl) + s.e_in_x * dt * v_new
     q_out = s.e_out * (Pctrl - Pc) + s.e_out_x * dt * v_new + s.bleed
-    q_dc = G_dc * (Pd - Pc)
+    q_dc = (s.plate_d + s.throttled + s.rate_leak) * (Pd - Pc)
     q_sc = s.plate_s * (P_s - Pc)
     q_drain = s.drain * (Pc - (Pi if shared > 0.5 else P_s))
     q_ret = s.ret * (Pi - P_s)
-    z[P_D] = _filled(P_d, volumes.discharge, dt * (to_discharge - q_load - q_in - q_dc), B, gain)
-    z[P_C] = _filled(P_c, volumes.case, dt * (leaked + q_dc + q_sc + q_out - q_drain - s.arm * w_new), B, gain)
-    z[P_I] = _filled(P_i, volumes.return_line, dt * (q_load + shared * q_drain - q_ret), B, gain)
-    z[P_CTRL] = _filled(P_ctrl, volumes.control, dt * (q_in - q_out + s.arm * w_new), B, gain)
-    z[X] = x + dt * v_new
-    z[V_SPOOL] = v_new
-    z[ALPHA] = alpha_new
-    z[ALPHA_DOT] = w_new
-    flows[0], flows[1], flows[2], flows[3], flows[4] = q_load, q_drain, q_ret, drawn + q_sc, torque
-    return math.isfinite(z[P_D] + z[P_C] + z[ALPHA])
+    swept, fed = -s.arm * w_new, s.arm_rate * w_new
+    if pump.servo.contact > 0.5:
+        swept, fed = _move_servos(pump, s, y, dt, b)
+    m, volumes = scene.medium, pump.volumes
+    d_d, d_c = to_discharge - q_load - q_sys - q_in - q_dc - fed, leaked + q_dc + q_sc + q_out - q_drain + swept + fed
+    d_i, d_x = q_load + q_sys + shared * q_drain - q_ret, q_in - q_out - swept
+    masses[0] = relative_density(m, y[P_D]) * volumes.discharge + dt * d_d
+    masses[1] = relative_density(m, y[P_C]) * volumes.case + dt * d_c
+    masses[2] = relative_density(m, y[P_I]) * volumes.return_line + dt * d_i
+    masses[3] = relative_density(m, y[P_CTRL]) * volumes.control + dt * d_x
+    for k in range(n):
+        masses[4 + k] = ch[k, chambers.MASS]
+    y[P_D] = pressure(m, masses[0] / volumes.discharge, Pd)
+    y[P_C] = pressure(m, masses[1] / volumes.case, Pc)
+    y[P_I] = pressure(m, masses[2] / volumes.return_line, Pi)
+    y[P_CTRL] = pressure(m, masses[3] / volumes.control, Pctrl)
+    y[X] += dt * v_new
+    y[V_SPOOL] = v_new
+    y[ALPHA] = alpha_new
+    y[ALPHA_DOT] = w_new
+    omega = y[OMEGA]
+    y[THETA] += dt * omega
+    if pump.drive.J > 0.0:
+        T = flows[TORQUE] + friction_torque(pump.drive, scene.mu_ratio, omega * scene.omega_ratio, Pd - Pc)
+        y[OMEGA] = speed_after(pump.drive, omega, scene.omega, T_start, T, dt)
+    else:
+        y[OMEGA] = scene.omega
+    flows[Q_LOAD], flows[Q_DRAIN], flows[Q_RETURN], flows[Q_SYSTEM] = q_load, q_drain, q_ret, q_sys
+    flows[Q_SUCTION] += q_sc
+    return math.isfinite(y[P_D] + y[P_C] + y[ALPHA])
+
+
+@inlined
+def solve_shared(A: Matrix, b: Vector) -> bool:
+    """Solve the shared system in the order that its zeros allow: P_i and the spool's speed see P_d and P_c only.
+
+    ``b``, shape (6,), becomes the solution; False when the system is singular.
+    """
+    i_i, i_v, i_x = 1.0 / A[2, 2], 1.0 / A[4, 4], 1.0 / A[3, 3]
+    # P_i = r_0 + r_d P_d + r_c P_c, likewise the spool's speed v and then, with the tilt rate, P_ctrl
+    r_0, r_d, r_c = b[2] * i_i, -A[2, 0] * i_i, -A[2, 1] * i_i
+    v_0, v_d, v_c = b[4] * i_v, -A[4, 0] * i_v, -A[4, 1] * i_v
+    x_0 = (b[3] - A[3, 4] * v_0) * i_x
+    x_d = -(A[3, 0] + A[3, 4] * v_d) * i_x
+    x_c = -(A[3, 1] + A[3, 4] * v_c) * i_x
+    x_w = -A[3, 5] * i_x
+    m_00 = A[0, 0] + A[0, 2] * r_d + A[0, 3] * x_d + A[0, 4] * v_d
+    m_01 = A[0, 1] + A[0, 2] * r_c + A[0, 3] * x_c + A[0, 4] * v_c
+    m_02 = A[0, 5] + A[0, 3] * x_w
+    k_0 = b[0] - A[0, 2] * r_0 - A[0, 3] * x_0 - A[0, 4] * v_0
+    m_10 = A[1, 0] + A[1, 2] * r_d + A[1, 3] * x_d + A[1, 4] * v_d
+    m_11 = A[1, 1] + A[1, 2] * r_c + A[1, 3] * x_c + A[1, 4] * v_c
+    m_12 = A[1, 5] + A[1, 3] * x_w
+    k_1 = b[1] - A[1, 2] * r_0 - A[1, 3] * x_0 - A[1, 4] * v_0
+    m_20 = A[5, 0] + A[5, 3] * x_d
+    m_21 = A[5, 1] + A[5, 3] * x_c
+    m_22 = A[5, 5] + A[5, 3] * x_w
+    k_2 = b[5] - A[5, 3] * x_0
+    i_0 = 1.0 / m_00
+    f_1, f_2 = m_10 * i_0, m_20 * i_0
+    n_11, n_12, k_1 = m_11 - f_1 * m_01, m_12 - f_1 * m_02, k_1 - f_1 * k_0
+    n_21, n_22, k_2 = m_21 - f_2 * m_01, m_22 - f_2 * m_02, k_2 - f_2 * k_0
+    det = n_11 * n_22 - n_12 * n_21
+    if det == 0.0:
+        return False
+    P_c = (k_1 * n_22 - n_12 * k_2) / det
+    w = (n_11 * k_2 - k_1 * n_21) / det
+    P_d = (k_0 - m_01 * P_c - m_02 * w) * i_0
+    b[0], b[1], b[5] = P_d, P_c, w
+    b[2] = r_0 + r_d * P_d + r_c * P_c
+    b[3] = x_0 + x_d * P_d + x_c * P_c + x_w * w
+    b[4] = v_0 + v_d * P_d + v_c * P_c
+    return True
 
 
 @compiled
-def _filled(P: float, volume: float, added: float, B: float, gain: float) -> float:
-    """Pressure of a fixed volume after fluid was added [Pa]; ``added`` counts volume at ambient density."""
-    w = relative_density(P - P_ATMOSPHERE, B, gain) + added / volume
-    return P_ATMOSPHERE + gauge_pressure(w, B, gain)
+def _move_servos(pump: Pump, s: Shared, y: Vector, dt: float, b: Vector) -> tuple[float, float]:
+    """Move the servo pistons by the solution; returns the stroking piston's and the fed rate piston's flows."""
+    servo, w_new = pump.servo, b[5]
+    a_0, a_p, share = servo_speed(s.stroke, y[V_STROKE], servo.m_stroke, dt)
+    v_s = a_0 + a_p * servo.A_stroke * (b[3] - b[1]) - share * s.stroke.reach * w_new
+    a_0, a_p, share = servo_speed(s.rate, y[V_RATE], servo.m_rate, dt)
+    fed = servo.A_rate * servo.rate_fed
+    v_r = a_0 + a_p * fed * (b[0] - b[1]) + share * s.rate.reach * w_new
+    y[X_STROKE] += dt * v_s
+    y[V_STROKE] = v_s
+    y[X_RATE] += dt * v_r
+    y[V_RATE] = v_r
+    return servo.A_stroke * v_s, fed * v_r
 
 
 @compiled
@@ -198,50 +206,52 @@ def rates(
     scene: Scene,
     y: Vector,
     n: int,
-    theta: float,
-    scales: Matrix,
-    chambers: Matrix,
+    T_start: float,
+    clearances: Matrix,
+    ch: Matrix,
     dy: Vector,
 ) -> None:
-    """Right-hand side dy/dt, shape (n + 8,), of the same network: for reference integrators."""
-    z = y[n:]
-    chamber_network(pump, scene, y, n, theta, scales, chambers)
-    s = shared_network(pump, circuit, scene, z)
-    volumes, comp = pump.volumes, pump.compensator
-    B, gain, P_s = scene.B_0, scene.B_gain, scene.P_s
-    P_d, P_c, P_i, P_ctrl = z[P_D], z[P_C], z[P_I], z[P_CTRL]
-    alpha_dot = z[ALPHA_DOT]
+    """Right-hand side dy/dt of the same network: for reference integrators."""
+    s = passages(pump, circuit, scene, y, n, clearances, ch)
+    chambers.ports(pump, scene, y, n, 0.0, ch)
+    if pump.slipper.variable > 0.5:
+        to_discharge, leaked, torque = slippers.lifted_rates(pump, scene, y, n, ch, dy)
+    else:
+        to_discharge, leaked, torque = chambers.chamber_rates(scene, y, n, ch, dy)
+    volumes, comp, servo, m, P_s = pump.volumes, pump.compensator, pump.servo, scene.medium, scene.P_s
+    P_d, P_c, P_i, P_ctrl, w = y[P_D], y[P_C], y[P_I], y[P_CTRL], y[ALPHA_DOT]
     shared = 1.0 if circuit.shared > 0.5 else 0.0
-    to_discharge = leaked = torque = 0.0
-    for k in range(n):
-        G_d, G_s, G_l, drag, volume, rotation, tilt = chambers[k, :7]
-        p = y[k] - P_ATMOSPHERE
-        q_d, q_l = G_d * (y[k] - P_d), G_l * (y[k] - P_c) + drag
-        grown = relative_density(p, B, gain) * (rotation + tilt * alpha_dot)
-        dy[k] = (G_s * (P_s - y[k]) - q_d - q_l - grown) / (relative_compressibility(p, B, gain) * volume)
-        to_discharge += q_d
-        leaked += q_l
-        torque += tilt * (y[k] - P_c)
-    q_load = s.load * (P_d - P_i) + scene.Q_load + scene.Q_sys
+    q_load = s.load * (P_d - P_i) + scene.Q_load + s.system * (P_d - P_s)
     q_in = s.e_in * (P_d - P_ctrl)
     q_out = s.e_out * (P_ctrl - P_c) + s.bleed
-    q_dc = (s.plate_d + s.throttled) * (P_d - P_c)
-    q_sc = s.plate_s * (P_s - P_c)
+    q_dc = (s.plate_d + s.throttled + s.rate_leak) * (P_d - P_c)
     q_drain = s.drain * (P_c - (P_i if shared > 0.5 else P_s))
-    q_ret = s.ret * (P_i - P_s)
-    dy[n + P_D] = (to_discharge - q_load - q_in - q_dc) / (
-        relative_compressibility(P_d - P_ATMOSPHERE, B, gain) * volumes.discharge
-    )
-    dy[n + P_C] = (leaked + q_dc + q_sc + q_out - q_drain - s.arm * alpha_dot) / (
-        relative_compressibility(P_c - P_ATMOSPHERE, B, gain) * volumes.case
-    )
-    dy[n + P_I] = (q_load + shared * q_drain - q_ret) / (
-        relative_compressibility(P_i - P_ATMOSPHERE, B, gain) * volumes.return_line
-    )
-    dy[n + P_CTRL] = (q_in - q_out + s.arm * alpha_dot) / (
-        relative_compressibility(P_ctrl - P_ATMOSPHERE, B, gain) * volumes.control
-    )
-    dy[n + X] = z[V_SPOOL]
-    dy[n + V_SPOOL] = ((P_d - P_c) * comp.A_spool - s.F_spring) / comp.m_spool
-    dy[n + ALPHA] = alpha_dot
-    dy[n + ALPHA_DOT] = (s.torque + torque - s.arm * (P_ctrl - P_c)) / pump.swashplate.J
+    swept, fed = -s.arm * w, s.arm_rate * w
+    torque += s.torque + s.torque_rate * w
+    for i in range(X_STROKE, V_RATE + 1):
+        dy[i] = 0.0
+    if servo.contact > 0.5:
+        v_s, v_r = y[V_STROKE], y[V_RATE]
+        fed_area = servo.A_rate * servo.rate_fed
+        swept, fed = servo.A_stroke * v_s, fed_area * v_r
+        F_s = s.stroke.elastic + s.stroke.contact * (v_s + s.stroke.reach * w)
+        F_r = s.rate.elastic + s.rate.contact * (v_r - s.rate.reach * w)
+        torque += s.rate.reach * F_r - s.stroke.reach * F_s
+        dy[X_STROKE], dy[X_RATE] = v_s, v_r
+        own = servo.A_stroke * (P_ctrl - P_c) + s.stroke.push
+        dy[V_STROKE] = (own - F_s - s.stroke.own * v_s) / servo.m_stroke
+        dy[V_RATE] = (fed_area * (P_d - P_c) + s.rate.push - F_r - s.rate.own * v_r) / servo.m_rate
+    else:
+        torque += s.arm_rate * (P_d - P_c) - s.arm * (P_ctrl - P_c)
+    into_c = leaked + q_dc + s.plate_s * (P_s - P_c) + q_out - q_drain + swept + fed
+    dy[P_D] = (to_discharge - q_load - q_in - q_dc - fed) / (relative_compressibility(m, P_d) * volumes.discharge)
+    dy[P_C] = into_c / (relative_compressibility(m, P_c) * volumes.case)
+    into_i = q_load + shared * q_drain - s.ret * (P_i - P_s)
+    dy[P_I] = into_i / (relative_compressibility(m, P_i) * volumes.return_line)
+    dy[P_CTRL] = (q_in - q_out - swept) / (relative_compressibility(m, P_ctrl) * volumes.control)
+    dy[X] = y[V_SPOOL]
+    dy[V_SPOOL] = ((P_d - P_c) * comp.A_spool - s.F_spring - s.F_spring_v * y[V_SPOOL]) / comp.m_spool
+    dy[ALPHA] = w
+    dy[ALPHA_DOT] = torque / s.J
+    dy[THETA] = y[OMEGA]
+    dy[OMEGA] = 0.0

@@ -1,0 +1,47 @@
+"""Where each state stands: shared states first, then n chambers; with variable gaps n pockets, gaps and speeds more."""
+
+P_D, P_C, P_I, P_CTRL, X, V_SPOOL, ALPHA, ALPHA_DOT, THETA, OMEGA, X_STROKE, V_STROKE, X_RATE, V_RATE = range(14)
+N_SHARED = 14
+"""Pressures of discharge, case, return junction and control volume [Pa absolute]; spool [m, m/s]; tilt [rad, rad/s];
+shaft angle and speed [rad, rad/s]; stroking and rate piston towards the plate [m, m/s] (used with contact only)."""
+
+STATE_NAMES: tuple[str, ...] = (
+    "discharge pressure",
+    "case pressure",
+    "return pressure",
+    "control pressure",
+    "spool position",
+    "spool speed",
+    "tilt",
+    "tilt rate",
+    "shaft angle",
+    "shaft speed",
+    "stroking piston position",
+    "stroking piston speed",
+    "rate piston position",
+    "rate piston speed",
+)
+
+(Q_LOAD, Q_DRAIN, Q_RETURN, Q_SUCTION, TORQUE, Q_SYSTEM, Q_SLIPPER) = range(7)
+N_FLOWS = 7
+"""What a step reports: load, drain line, return line, suction [m3/s], hydraulic shaft torque [N m], leak of the
+circuit, all slippers into the case [m3/s]."""
+
+(G_D, G_S, G_L, DRAG, VOLUME, ROTATION, TILT, COS, SIN, DENSITY, CAPACITY, MASS) = range(12)
+(G_THROTTLE, G_LAND, G_RING, POCKET, LEVER, FORCE, DAMPING, HELD) = range(12, 20)
+FIRST_SCRATCH = 20
+N_COLUMNS = 44
+"""Columns of the table of chambers, shape (n, N_COLUMNS): passages at the start of a step, then the step's scratch."""
+
+
+def n_states(n: int, variable: bool) -> int:
+    """Number of states of a pump with n pistons."""
+    return N_SHARED + (4 * n if variable else n)
+
+
+def state_name(index: int, n: int) -> str:
+    """Name of a state in words, for messages."""
+    if index < N_SHARED:
+        return STATE_NAMES[index]
+    kind, k = divmod(index - N_SHARED, n)
+    return f"{('chamber pressure', 'pocket pressure', 'slipper gap', 'piston speed')[kind]} of piston {k + 1}"

@@ -1,0 +1,79 @@
+"""From the loop's numbers to channels in edge units: recordings and cycle means."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.recording import TIME, Recording
+from twin.simulation.layout import (
+    ALPHA,
+    N_SHARED,
+    OMEGA,
+    P_C,
+    P_CTRL,
+    P_D,
+    P_I,
+    Q_DRAIN,
+    Q_LOAD,
+    Q_RETURN,
+    Q_SLIPPER,
+    Q_SUCTION,
+    Q_SYSTEM,
+    TORQUE,
+    X,
+)
+from twin.simulation.scene import SCENE_INPUTS
+from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_DEG, RAD_PER_S_PER_RPM
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+_PRESSURES: dict[str, int] = {
+    "discharge_pressure_bar": P_D,
+    "case_pressure_bar": P_C,
+    "return_pressure_bar": P_I,
+    "control_pressure_bar": P_CTRL,
+}
+_FLOWS: dict[str, int] = {
+    "discharge_flow_lpm": Q_LOAD,
+    "case_flow_lpm": Q_DRAIN,
+    "return_flow_lpm": Q_RETURN,
+    "suction_flow_lpm": Q_SUCTION,
+    "system_leakage_lpm": Q_SYSTEM,
+    "slipper_leakage_lpm": Q_SLIPPER,
+}
+MEANS: tuple[str, ...] = (*_PRESSURES, "swashplate_angle_deg", *_FLOWS, "shaft_torque_nm")
+"""Cycle means of a run; the torque is the hydraulic part."""
+
+
+def _column(name: str, times: Vector, table: Matrix, at: Vector) -> Vector:
+    return np.interp(at, times, table[:, SCENE_INPUTS.index(name)])
+
+
+def recording_of(title: str, times: Vector, table: Matrix, at: Vector, samples: Matrix) -> Recording:
+    """Recording of samples, shape (m, N_SAMPLE), at instants (m,); pressures are gauge."""
+    ambient = _column("ambient_pressure_bar", times, table, at)
+    channels: dict[str, Vector] = {TIME: at}
+    for name, j in _PRESSURES.items():
+        channels[name] = samples[:, j] / PA_PER_BAR - ambient
+    channels["shaft_speed_rpm"] = samples[:, OMEGA] / RAD_PER_S_PER_RPM
+    channels["fluid_temperature_degc"] = _column("fluid_temperature_degc", times, table, at)
+    channels["reservoir_pressure_bar"] = _column("reservoir_pressure_bar", times, table, at)
+    for name, j in _FLOWS.items():
+        channels[name] = samples[:, N_SHARED + j] / M3_PER_S_PER_LPM
+    channels["swashplate_angle_deg"] = samples[:, ALPHA] / RAD_PER_DEG
+    channels["spool_position_mm"] = samples[:, X] * 1.0e3
+    channels["shaft_torque_nm"] = samples[:, N_SHARED + TORQUE].copy()
+    return Recording(channels, {"scenario": title} if title else {})
+
+
+def cycle_means(times: Vector, table: Matrix, rows: Matrix) -> dict[str, Vector]:
+    """Means of whole revolutions by the names of ``MEANS``, and ``end_s``; rows have shape (m, 1 + N_MEAN)."""
+    ambient = _column("ambient_pressure_bar", times, table, rows[:, 0])
+    means: dict[str, Vector] = {"end_s": rows[:, 0].copy()}
+    for j, name in enumerate(_PRESSURES):
+        means[name] = rows[:, 1 + j] / PA_PER_BAR - ambient
+    means["swashplate_angle_deg"] = rows[:, 5] / RAD_PER_DEG
+    for name, j in _FLOWS.items():
+        means[name] = rows[:, 6 + j] / M3_PER_S_PER_LPM
+    means["shaft_torque_nm"] = rows[:, 6 + TORQUE].copy()
+    return means

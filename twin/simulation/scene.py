@@ -1,0 +1,142 @@
+"""What the pump sees at one instant, SI, with everything that follows from it alone."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled import compiled
+from twin.condition import INPUTS
+from twin.laws.compressibility import Medium, medium_of
+from twin.laws.fluid import P_ATMOSPHERE, density, dynamic_viscosity, gap_viscosity, kinematic_viscosity
+from twin.laws.metering_edge import Edge
+from twin.parameters import Circuit, Pump
+from twin.parts.compensator import edge_of
+from twin.parts.slipper import (
+    land_area,
+    land_coefficient,
+    outer_area,
+    squeeze_coefficient,
+    throttle_coefficient,
+)
+from twin.steady_state import OMEGA_REF, T_50
+from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
+
+Vector = NDArray[np.float64]
+
+TRANSIENT_INPUTS: tuple[str, ...] = (
+    "load_conductance_lpm_per_sqrt_bar",
+    "spool_jamming_force_n",
+    "swashplate_friction_nm",
+)
+"""Inputs that only the transient pump has, behind those of ``twin.condition.INPUTS``: the load as an opening
+(1 / sqrt(k_d) of equation 3-2), friction of a jammed spool (2-24), friction of the plate's bearings."""
+SCENE_INPUTS: tuple[str, ...] = INPUTS + TRANSIENT_INPUTS
+N_SCENE = len(SCENE_INPUTS)
+_LOAD, _JAM, _PLATE = range(len(INPUTS), N_SCENE)
+_P_REF = 175.0e5
+
+
+class Scene(NamedTuple):
+    """Conditions and health of one instant with the fluid's properties and the passages' coefficients."""
+
+    omega: float
+    P_s: float
+    P_amb: float
+    load: float
+    Q_load: float
+    Q_sys: float
+    rho: float
+    nu: float
+    medium: Medium
+    mu_0: float
+    mu_slope: float
+    T: float
+    k_c: float
+    w_nu: float
+    w_Q: float
+    Q_ref: float
+    k_inf: float
+    K: float
+    preload: float
+    k_valve: float
+    piston_scale: float
+    slipper_scale: float
+    plate_scale: float
+    bleed: float
+    throttled: float
+    edge: Edge
+    jam: float
+    plate_friction: float
+    mu_ratio: float
+    omega_ratio: float
+    ring: float
+    ring_drag: float
+    land: float
+    throttle: float
+    S_eq: float
+    A_outer: float
+    squeeze: float
+    t_max: float
+
+
+@compiled
+def scene_of(pump: Pump, circuit: Circuit, row: Vector) -> Scene:
+    """Scene of one row of inputs in the order of ``SCENE_INPUTS`` (edge units), shape (>= N_SCENE,)."""
+    T = row[1] + KELVIN_AT_0_DEGC
+    fluid, comp, piston, slipper = pump.fluid, pump.compensator, pump.piston, pump.slipper
+    mu_0 = gap_viscosity(fluid, T, P_ATMOSPHERE, P_ATMOSPHERE)
+    mu_slope = math.log(gap_viscosity(fluid, T, P_ATMOSPHERE + _P_REF, P_ATMOSPHERE) / mu_0) / _P_REF
+    preload = comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[11] * PA_PER_BAR * comp.A_spool
+    rho = density(fluid, T, P_ATMOSPHERE)
+    warmer = T - circuit.T_ref
+    return Scene(
+        omega=row[0] * RAD_PER_S_PER_RPM,
+        P_s=(row[2] + row[4]) * PA_PER_BAR,
+        P_amb=row[4] * PA_PER_BAR,
+        load=row[_LOAD] * M3_PER_S_PER_LPM / math.sqrt(PA_PER_BAR),
+        Q_load=row[3] * M3_PER_S_PER_LPM,
+        Q_sys=row[10] * M3_PER_S_PER_LPM,
+        rho=rho,
+        nu=kinematic_viscosity(fluid, T),
+        medium=medium_of(fluid, T),
+        mu_0=mu_0,
+        mu_slope=mu_slope,
+        T=T,
+        k_c=circuit.k_c * (1.0 + circuit.k_c_slope * warmer) * row[12],
+        w_nu=circuit.w_nu + row[13],
+        w_Q=circuit.w_Q + row[14],
+        Q_ref=circuit.Q_ref,
+        k_inf=circuit.k_inf * (1.0 + circuit.k_inf_slope * warmer),
+        K=circuit.K * (1.0 + circuit.K_slope * warmer),
+        preload=preload + comp.k_spool * comp.x_zero * (1.0 - row[15]),
+        k_valve=comp.k_spool * row[15],
+        piston_scale=row[5] * row[7],
+        slipper_scale=row[5] * row[6],
+        plate_scale=row[5] * row[8],
+        bleed=row[9] * M3_PER_S_PER_LPM,
+        throttled=row[16] * M3_PER_S_PER_LPM,
+        edge=edge_of(comp, row[17] * 1.0e-6),
+        jam=row[_JAM],
+        plate_friction=row[_PLATE],
+        mu_ratio=dynamic_viscosity(fluid, T, P_ATMOSPHERE) / dynamic_viscosity(fluid, T_50, P_ATMOSPHERE),
+        omega_ratio=1.0 / OMEGA_REF,
+        ring=math.pi * piston.d_p * piston.b**3 / 12.0 * (1.0 + 1.5 * piston.e_rel**2),
+        ring_drag=0.5 * piston.b * math.pi * piston.d_p,
+        land=land_coefficient(slipper),
+        throttle=throttle_coefficient(slipper, rho),
+        S_eq=land_area(piston, slipper),
+        A_outer=outer_area(piston, slipper),
+        squeeze=squeeze_coefficient(piston, slipper),
+        t_max=math.tan(pump.swashplate.alpha_max),
+    )
+
+
+@compiled
+def viscosity_factor(x: float) -> float:
+    """exp(x) as Pade's quotient of fourth order, within 1e-10 for |x| < 0.5 and 2e-5 for |x| < 2: viscosity by pressure."""
+    y = x * x
+    even = 1.0 + y * (3.0 / 28.0 + y / 1680.0)
+    odd = x * (0.5 + y / 84.0)
+    return (even + odd) / (even - odd)

@@ -1,0 +1,303 @@
+"""Everything between the shared states: passages and forces at one instant, and their place in the 6 x 6 system.
+
+Unknowns of the system, all at the end of the step: P_d, P_c, P_i, P_ctrl, spool speed, tilt rate. Servo pistons in
+sporadic contact are bodies of their own and are eliminated from it.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.compiled import compiled, inlined
+from twin.laws.compressibility import relative_compressibility
+from twin.laws.fluid import throttling_heating
+from twin.laws.friction import friction_damping
+from twin.parameters import Circuit, Pump
+from twin.parts import servo as servo_part
+from twin.parts.circuit import counted_conductance, drain_conductance, return_conductance, turbulent_conductance
+from twin.parts.compensator import (
+    bleed_conductance,
+    inlet,
+    jet_stiffness,
+    outlet,
+    spool_stop,
+    transient_jet_damping,
+)
+from twin.parts.swashplate import inertia_torque, stop
+from twin.simulation.layout import (
+    ALPHA,
+    ALPHA_DOT,
+    OMEGA,
+    P_C,
+    P_CTRL,
+    P_D,
+    P_I,
+    V_RATE,
+    V_SPOOL,
+    V_STROKE,
+    X_RATE,
+    X_STROKE,
+    X,
+)
+from twin.simulation.scene import Scene, viscosity_factor
+from twin.steady_state import drain_viscosity_ratio
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class Servo(NamedTuple):
+    """One servo piston as a body of its own: push without pressure [N], contact force [N], contact and own damping
+    [N s/m], plate's speed at its contact per tilt rate [m/rad], mass over step left to the step.
+    """
+
+    push: float
+    elastic: float
+    contact: float
+    stiffness: float
+    own: float
+    own_stiffness: float
+    reach: float
+
+
+class Shared(NamedTuple):
+    """Conductances [m3/s/Pa], flows and forces of everything but the chambers at one instant.
+
+    ``e_in_x``, ``e_out_x`` are slopes of the control flows by the spool's position [m2/s]; ``F_spring`` with its
+    slopes acts against discharge pressure on the spool; ``torque`` is what acts on the plate besides pressures.
+    """
+
+    load: float
+    system: float
+    throttled: float
+    plate_d: float
+    plate_s: float
+    rate_leak: float
+    e_in: float
+    e_in_x: float
+    e_out: float
+    e_out_x: float
+    bleed: float
+    drain: float
+    ret: float
+    F_spring: float
+    F_spring_x: float
+    F_spring_v: float
+    torque: float
+    torque_alpha: float
+    torque_rate: float
+    J: float
+    arm: float
+    arm_rate: float
+    stroke: Servo
+    rate: Servo
+
+
+@compiled
+def _servo_contact(depth: float, rate: float, k: float, d: float) -> tuple[float, float, float]:
+    elastic = k * depth if depth > 0.0 else 0.0
+    stiffness = k if depth > 0.0 else 0.0
+    return elastic, stiffness, servo_part.contact_damping(elastic, rate, d)
+
+
+@inlined
+def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Shared:
+    """Passages and forces between the shared states of ``y``."""
+    comp, gap, plate, servo = pump.compensator, pump.port_plate, pump.swashplate, pump.servo
+    P_d, P_c, P_i, P_ctrl = y[P_D], y[P_C], y[P_I], y[P_CTRL]
+    x, v, alpha, alpha_dot = y[X], y[V_SPOOL], y[ALPHA], y[ALPHA_DOT]
+    rho, t = scene.rho, math.tan(alpha)
+    plate_gap = scene.plate_scale * gap.h**3 / 12.0 * gap.shape
+    mu_case = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P_d - P_c, 0.0))
+    mu_in = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P_d - P_ctrl, 0.0))
+    mu_out = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P_ctrl - P_c, 0.0))
+    e_in, e_in_x = inlet(comp, scene.edge, x, P_d - P_ctrl, rho, mu_in, scene.nu)
+    e_out, e_out_x = outlet(comp, scene.edge, x, P_ctrl - P_c, rho, mu_out, scene.nu)
+    e_out += servo_part.stroking_leakage(servo, mu_out) + bleed_conductance(comp, P_ctrl - P_c, rho)
+    bleed = 0.0
+    if scene.bleed > 0.0:
+        bleed = scene.bleed * math.tanh((P_ctrl - P_c) / (0.05 * servo.F_rate / servo.A_stroke))
+
+    jet, jet_x = jet_stiffness(comp, scene.edge, x, P_d - P_ctrl)
+    stopped, stop_x = spool_stop(comp, x)
+    F_v = comp.damping + transient_jet_damping(comp, x, P_d - P_ctrl, rho)
+    F_v += friction_damping(comp.F_coulomb + scene.jam, comp.F_static + scene.jam, v, comp.v_friction)
+
+    end, end_x, end_v = stop(plate, alpha, alpha_dot)
+    friction = friction_damping(
+        plate.T_coulomb + scene.plate_friction, plate.T_static + scene.plate_friction, alpha_dot, plate.w_friction
+    )
+    torque_rate = end_v - plate.damping - friction
+    torque = end - end_v * alpha_dot
+    torque_alpha = end_x
+    if pump.slipper.variable < 0.5:
+        torque += inertia_torque(pump.piston, t, y[OMEGA])
+    reach_s, reach_r = servo.L_stroke * (1.0 + t * t), servo.L_rate * (1.0 + t * t)
+    own_s = servo_part.stroking_drag(servo, mu_case)
+    own_r = servo_part.rate_drag(servo, mu_case)
+    v_s, v_r = -reach_s * alpha_dot, reach_r * alpha_dot
+    if servo.contact > 0.5:
+        v_s, v_r = y[V_STROKE], y[V_RATE]
+    own_s += friction_damping(servo.F_coulomb_stroke, servo.F_static_stroke, v_s, servo.v_friction)
+    own_r += friction_damping(servo.F_coulomb_rate, servo.F_static_rate, v_r, servo.v_friction)
+    J = plate.J
+    if servo.contact > 0.5:
+        depth_s, depth_r = y[X_STROKE] + servo.L_stroke * t, y[X_RATE] - servo.L_rate * t
+        F_s, k_s, d_s = _servo_contact(depth_s, v_s + reach_s * alpha_dot, servo.k_contact, servo.d_contact)
+        F_r, k_r, d_r = _servo_contact(depth_r, v_r - reach_r * alpha_dot, servo.k_contact, servo.d_contact)
+        spring = servo.F_rate + servo.k_rate * (servo.L_rate * scene.t_max - y[X_RATE])
+        # the bore's end holds a stroking piston that has left the plate at full tilt
+        bottom = -servo.L_stroke * math.tan(plate.alpha_max + 0.05)
+        seat = servo.k_contact * (bottom - y[X_STROKE]) if y[X_STROKE] < bottom else 0.0
+        stroke = Servo(seat, F_s, d_s, k_s, own_s, servo.k_contact if seat > 0.0 else 0.0, reach_s)
+        rate = Servo(spring, F_r, d_r, k_r, own_r, servo.k_rate, reach_r)
+    else:
+        torque += servo_part.spring_torque(servo, scene.t_max, t)
+        torque_alpha -= servo.k_rate * servo.L_rate**2 * (1.0 + t * t) ** 2
+        torque_rate -= own_s * reach_s * reach_s + own_r * reach_r * reach_r
+        J += servo_part.carried_inertia(servo, t)
+        stroke = rate = Servo(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    k_c, k_cQ = scene.k_c * (1.0 - scene.w_Q), scene.k_c * scene.w_Q / scene.Q_ref
+    if scene.w_nu != 0.0:
+        T_c = scene.T + throttling_heating(pump.fluid, scene.T, P_d, P_c)
+        k_c += scene.k_c * scene.w_nu * (drain_viscosity_ratio(pump.fluid, T_c) - 1.0)
+    P_down = P_i if circuit.shared > 0.5 else scene.P_s
+    return Shared(
+        load=turbulent_conductance(P_d - P_i, scene.load),
+        system=counted_conductance(P_d - scene.P_s, scene.Q_sys),
+        throttled=counted_conductance(P_d - P_c, scene.throttled),
+        plate_d=plate_gap / mu_case,
+        plate_s=plate_gap / scene.mu_0,
+        rate_leak=servo_part.rate_leakage(servo, mu_case),
+        e_in=e_in,
+        e_in_x=e_in_x,
+        e_out=e_out,
+        e_out_x=e_out_x,
+        bleed=bleed,
+        drain=drain_conductance(P_c - P_down, k_c, k_cQ),
+        ret=return_conductance(P_i - scene.P_s, scene.k_inf, scene.K, circuit.gamma),
+        F_spring=scene.preload + scene.k_valve * x + jet - stopped,
+        F_spring_x=scene.k_valve + jet_x + stop_x,
+        F_spring_v=F_v,
+        torque=torque,
+        torque_alpha=torque_alpha,
+        torque_rate=torque_rate,
+        J=J,
+        arm=servo_part.stroking_arm(servo, t),
+        arm_rate=servo_part.rate_arm(servo, t),
+        stroke=stroke,
+        rate=rate,
+    )
+
+
+@inlined
+def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, dt: float, A: Matrix, b: Vector) -> None:
+    """Put the shared passages into ``A`` (6, 6) and ``b`` (6,), overwriting both."""
+    volumes, comp = pump.volumes, pump.compensator
+    P_d, P_c, P_i, P_ctrl = y[P_D], y[P_C], y[P_I], y[P_CTRL]
+    shared = 1.0 if circuit.shared > 0.5 else 0.0
+    m, P_s = scene.medium, scene.P_s
+    for i in range(6):
+        b[i] = 0.0
+        for j in range(6):
+            A[i, j] = 0.0
+    C_d = relative_compressibility(m, P_d) * volumes.discharge / dt
+    C_c = relative_compressibility(m, P_c) * volumes.case / dt
+    C_i = relative_compressibility(m, P_i) * volumes.return_line / dt
+    C_x = relative_compressibility(m, P_ctrl) * volumes.control / dt
+    G_dc = s.plate_d + s.throttled + s.rate_leak
+    # discharge
+    A[0, 0] = C_d + s.load + s.system + s.e_in + G_dc
+    A[0, 1] = -G_dc
+    A[0, 2] = -s.load
+    A[0, 3] = -s.e_in
+    A[0, 4] = s.e_in_x * dt
+    b[0] = C_d * P_d - scene.Q_load + s.system * P_s
+    # case; a separate drain ends in the reservoir
+    A[1, 0] = -G_dc
+    A[1, 1] = C_c + G_dc + s.plate_s + s.e_out + s.drain
+    A[1, 2] = -s.drain * shared
+    A[1, 3] = -s.e_out
+    A[1, 4] = -s.e_out_x * dt
+    b[1] = C_c * P_c + s.plate_s * P_s + s.bleed + s.drain * (1.0 - shared) * P_s
+    # return junction
+    A[2, 0] = -s.load - s.system
+    A[2, 1] = -s.drain * shared
+    A[2, 2] = C_i + s.load + s.ret + s.drain * shared
+    b[2] = C_i * P_i + scene.Q_load - s.system * P_s + s.ret * P_s
+    # control volume
+    A[3, 0] = -s.e_in
+    A[3, 1] = -s.e_out
+    A[3, 3] = C_x + s.e_in + s.e_out
+    A[3, 4] = -(s.e_in_x - s.e_out_x) * dt
+    b[3] = C_x * P_ctrl - s.bleed
+    # spool
+    A[4, 0] = -comp.A_spool
+    A[4, 1] = comp.A_spool
+    A[4, 4] = comp.m_spool / dt + s.F_spring_x * dt + s.F_spring_v
+    b[4] = comp.m_spool / dt * y[V_SPOOL] - s.F_spring
+    # plate
+    A[5, 5] = s.J / dt - s.torque_rate - s.torque_alpha * dt
+    b[5] = s.J / dt * y[ALPHA_DOT] + s.torque
+    if pump.servo.contact > 0.5:
+        _assemble_servos(pump, s, y, dt, A, b)
+        return
+    # carried pistons: the control volume grows as the tilt falls, the case as it rises
+    A[1, 5] += s.arm - s.arm_rate
+    A[3, 5] -= s.arm
+    A[5, 3] += s.arm
+    A[5, 1] -= s.arm - s.arm_rate
+    A[0, 5] += s.arm_rate
+    A[5, 0] -= s.arm_rate
+
+
+@compiled
+def servo_speed(sv: Servo, v: float, mass: float, dt: float) -> tuple[float, float, float]:
+    """Speed of a servo piston as ``a_0 + a_p dP' + a_w reach alpha_dot'``: a_0, 1/D, and K/D of its contact."""
+    K = sv.stiffness * dt + sv.contact
+    D = mass / dt + K + sv.own + sv.own_stiffness * dt
+    return (mass / dt * v + sv.push - sv.elastic) / D, 1.0 / D, K / D
+
+
+@inlined
+def _assemble_servos(pump: Pump, s: Shared, y: Vector, dt: float, A: Matrix, b: Vector) -> None:
+    servo = pump.servo
+    a_0, a_p, share = servo_speed(s.stroke, y[V_STROKE], servo.m_stroke, dt)
+    K, reach, area = s.stroke.stiffness * dt + s.stroke.contact, s.stroke.reach, servo.A_stroke
+    a_p *= area
+    a_w = -share * reach
+    # speed times area leaves the control volume and enters the case
+    A[3, 3] += area * a_p
+    A[3, 1] -= area * a_p
+    A[3, 5] += area * a_w
+    b[3] -= area * a_0
+    A[1, 3] -= area * a_p
+    A[1, 1] += area * a_p
+    A[1, 5] -= area * a_w
+    b[1] += area * a_0
+    # contact force pushes the tilt down
+    A[5, 3] += reach * K * a_p
+    A[5, 1] -= reach * K * a_p
+    A[5, 5] += reach * K * (a_w + reach)
+    b[5] -= reach * (s.stroke.elastic + K * a_0)
+
+    a_0, a_p, share = servo_speed(s.rate, y[V_RATE], servo.m_rate, dt)
+    K, reach, area = s.rate.stiffness * dt + s.rate.contact, s.rate.reach, servo.A_rate * servo.rate_fed
+    a_p *= area
+    a_w = share * reach
+    A[0, 0] += area * a_p
+    A[0, 1] -= area * a_p
+    A[0, 5] += area * a_w
+    b[0] -= area * a_0
+    A[1, 0] -= area * a_p
+    A[1, 1] += area * a_p
+    A[1, 5] -= area * a_w
+    b[1] += area * a_0
+    # contact force pushes the tilt up
+    A[5, 0] -= reach * K * a_p
+    A[5, 1] += reach * K * a_p
+    A[5, 5] += reach * K * (reach - a_w)
+    b[5] += reach * (s.rate.elastic + K * a_0)
