@@ -37,7 +37,7 @@ from twin.parts.drive import friction_torque
 from twin.parts.piston import chamber_volume, volume_by_tilt
 from twin.parts.port_plate import commutation_angle
 from twin.parts.servo import carried_inertia, rate_arm, rate_leakage, spring_torque, stroking_arm, stroking_leakage
-from twin.parts.swashplate import commutation_tilt_rate, inertia_torque
+from twin.parts.swashplate import inertia_torque, vibration
 from twin.units import (
     KELVIN_AT_0_DEGC,
     M3_PER_S_PER_LPM,
@@ -123,33 +123,39 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     scale = row[5]
     l_mean = math.sqrt(piston.l_mean**2 - (piston.R * t) ** 2)
     k_piston, e = scale * row[7], piston.e_rel * piston.b
-    piston_d = k_piston * half * annular_gap_flow(P_d, P_c, mu_d, piston.d_p, piston.b, l_mean, e, 0.0)
-    piston_s = k_piston * half * annular_gap_flow(P_s, P_c, mu_s, piston.d_p, piston.b, l_mean, e, 0.0)
-    v_mean = 2.0 * piston.R * t * omega / math.pi
-    drag = half * 0.5 * v_mean * piston.b * math.pi * piston.d_p
     C_A = slipper.C_q * 0.25 * math.pi * slipper.d_throttle**2
     k_slipper = scale * row[6]
     G_d = land_conductance(mu_d, slipper.h, slipper.diameter_ratio)
     G_s = land_conductance(mu_s, slipper.h, slipper.diameter_ratio)
-    slipper_d = k_slipper * half * throttled_land_flow(P_d, P_c, G_d, C_A, rho)
-    slipper_s = k_slipper * half * throttled_land_flow(P_s, P_c, G_s, C_A, rho)
+    # leaks of one chamber at either pressure
+    ring_d = k_piston * annular_gap_flow(P_d, P_c, mu_d, piston.d_p, piston.b, l_mean, e, 0.0)
+    ring_s = k_piston * annular_gap_flow(P_s, P_c, mu_s, piston.d_p, piston.b, l_mean, e, 0.0)
+    land_d = k_slipper * throttled_land_flow(P_d, P_c, G_d, C_A, rho)
+    land_s = k_slipper * throttled_land_flow(P_s, P_c, G_s, C_A, rho)
+    v_mean = 2.0 * piston.R * t * omega / math.pi
+    drag = half * 0.5 * v_mean * piston.b * math.pi * piston.d_p
     k_plate = scale * row[8]
     plate_d = k_plate * port_plate_gap_flow(P_d, P_c, mu_d, plate.h, plate.shape)
     throttled = row[16] * _LPM * math.sqrt(max(P_d - P_c, 0.0) / P_COUNTED)
     plate_s = k_plate * port_plate_gap_flow(P_s, P_c, mu_s, plate.h, plate.shape)
 
-    B = (P_d - P_s) / (r_d - r_s)
     swing = 0.5 * (V_max - V_min)
-    # the plate vibrates in step with the commutations: it comes down on the chamber that is about to be filled
+    # the plate vibrates in step with the commutations: it comes down on the chamber that is about to be filled, and
+    # each chamber that has changed over throws it back
     arm = volume_by_tilt(piston, t, 1.0)
     stiffness = stroking_arm(servo, t) ** 2 * medium.B_0 / pump.volumes.control
     step = arm * (P_d - P_s)
     J = pump.swashplate.J + carried_inertia(servo, t)
-    coming = commutation_tilt_rate(piston.n, J, pump.swashplate.damping, stiffness, step, omega)
-    stroked = -arm * coming
-    leaking = (piston_d + slipper_d) / half
-    rising = commutation_angle(plate, V_max, swing, stroked, P_d - P_s, B, rho, omega)
-    falling = commutation_angle(plate, V_min, swing, stroked + leaking, P_d - P_s, B, rho, omega)
+    shaking = vibration(piston.n, J, pump.swashplate.damping, stiffness, step, omega)
+    leaking = ring_d + land_d
+    v_0 = math.sqrt(2.0 * max(P_d - P_s, 1.0) / rho)
+    strain = max(r_d - r_s, 1.0e-9)
+    rising = commutation_angle(plate, V_max * strain, swing, leaking, 0.0, arm, shaking, v_0, omega)
+    falling = commutation_angle(plate, V_min * strain, swing, leaking, 1.0, arm, shaking, v_0, omega)
+    # a chamber is under pressure from one commutation to the other
+    high = half + piston.n / (2.0 * math.pi) * (falling - rising)
+    piston_d, piston_s = high * ring_d, (piston.n - high) * ring_s
+    slipper_d, slipper_s = high * land_d, (piston.n - high) * land_s
     delays = math.sin(rising) + math.sin(falling)
     dP_ctrl = control_pressure_difference(pump, s, omega, P_d - P_s, delays)
     P_ctrl = P_c + dP_ctrl

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from sksundae.cvode import CVODE
+from twin.simulation.network import ALPHA, drain_conductance, return_conductance, scene_of
 
 from twin.condition import Condition, Health, input_rows
 from twin.laws.bench import drain_pressure_drop, return_pressure_drop
@@ -13,7 +14,6 @@ from twin.operating_point import operating_point
 from twin.parts.piston import chamber_volume, volume_by_tilt, volume_rate_by_rotation
 from twin.parts.port_plate import opening
 from twin.pumps import circuit_parameters, pump_type
-from twin.simulation.network import ALPHA, drain_conductance, return_conductance, scene_of
 from twin.simulation.run import MEANS, RUN_OK, SteadyRun, initial_state, run_loop, steady_run
 from twin.simulation.step import N_SHARED, rates
 from twin.units import M3_PER_S_PER_LPM as LPM

@@ -40,7 +40,7 @@ PISTON: Mapping[str, Quantity] = {
     "m": Quantity(20.0, "g", "estimate: steel piston of that size with its slipper", 0.3),
 }
 SLIPPER: Mapping[str, Quantity] = {
-    "h": Quantity(8.74303, "um", _SHEET, 0.1),
+    "h": Quantity(8.743480, "um", _SHEET, 0.1),
     "diameter_ratio": Quantity(1.45, "-", "Mkadara 2020, table 2-10"),
     "d_throttle": Quantity(0.67, "mm", "estimate: one geometry that meets table 2-13"),
     "C_q": Quantity(0.7, "-", "usual limit coefficient of a short orifice"),
@@ -78,13 +78,13 @@ SWASHPLATE: Mapping[str, Quantity] = {
 }
 COMPENSATOR: Mapping[str, Quantity] = {
     "A_spool": Quantity(28.0, "mm2", "estimate: 500 N of jamming hold against 175 bar, section 2.5.3.2", 0.1),
-    "F_preload": Quantity(461.287, "N", _SHEET, 0.005),
-    "k_spool": Quantity(65.0953, "N/mm", _DROOP, 0.5),
+    "F_preload": Quantity(460.7946, "N", _SHEET, 0.005),
+    "k_spool": Quantity(61.8445, "N/mm", _DROOP, 0.5),
     "x_zero": Quantity(
-        0.386784, "mm", "spool position of the healthy pump at zero flow and 50 degC (our own solution)"
+        0.413153, "mm", "spool position of the healthy pump at zero flow and 50 degC (our own solution)"
     ),
-    "x_low": Quantity(-1.5, "mm", "estimate: travel of the spool towards its stop", 0.5),
-    "x_high": Quantity(1.5, "mm", "estimate: travel of the spool towards its stop", 0.5),
+    "x_low": Quantity(-4.0, "mm", "estimate: travel of the spool towards its stop", 0.5),
+    "x_high": Quantity(4.0, "mm", "estimate: travel of the spool towards its stop", 0.5),
     "k_stop": Quantity(1.0e3, "N/mm", "estimate: steel stop", 0.5),
     "edge_law": Quantity(0, "-", "smooth law of our own: differentiable, within the published laws' spread"),
     "n_edge": Quantity(1, "-", "one slot of width w_edge"),
@@ -102,7 +102,7 @@ COMPENSATOR: Mapping[str, Quantity] = {
     "e_rel": Quantity(0.0, "-", "centred: the bleed is fitted whatever path it takes"),
     "l_seal_discharge": Quantity(0.6, "mm", "estimate: short seal beside the metering slots", 0.5),
     "l_seal_case": Quantity(3.0, "mm", _EST, 0.5),
-    "d_bleed": Quantity(0.39314, "mm", _SHEET, 0.2),
+    "d_bleed": Quantity(0.370781, "mm", _SHEET, 0.2),
     "spring_softening": Quantity(0.0, "1/K", "not modelled: no temperature series of the setting is published"),
     "m_spool": Quantity(10.0, "g", "estimate: steel spool with a third of its spring", 0.3),
     "damping": Quantity(20.0, "N s/m", "estimate: viscous drag of the lands", 0.5),
@@ -111,7 +111,7 @@ COMPENSATOR: Mapping[str, Quantity] = {
     "v_friction": Quantity(0.2, "mm/s", "10 000 times below the spool's fastest, section 2.5.2.2"),
 }
 SERVO: Mapping[str, Quantity] = {
-    "A_stroke": Quantity(150.0, "mm2", _EST, 0.1),
+    "A_stroke": Quantity(120.0, "mm2", "estimate: small enough that a load step peaks below 257 bar, table 2-8", 0.2),
     "L_stroke": Quantity(28.0, "mm", _EST),
     "b_stroke": Quantity(8.0, "um", "estimate: usual clearance of a servo piston", 0.5),
     "e_rel_stroke": Quantity(0.0, "-", "centred: the bleed is fitted whatever path it takes"),
@@ -121,8 +121,8 @@ SERVO: Mapping[str, Quantity] = {
     "F_static_stroke": Quantity(0.0, "N", "none assumed when healthy"),
     "A_rate": Quantity(50.0, "mm2", "20.3 MPa of table 3-9 times it is 1 kN", 0.2),
     "L_rate": Quantity(28.0, "mm", _EST),
-    "F_rate": Quantity(420.880, "N", "1 kN at zero tilt less the spring's travel", 0.3),
-    "k_rate": Quantity(76.5156, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
+    "F_rate": Quantity(441.7923, "N", "1 kN at zero tilt less the spring's travel", 0.3),
+    "k_rate": Quantity(73.7525, "N/mm", f"{_DROOP}; 1 kN at zero tilt: 20.3 MPa of table 3-9 on 50 mm2", 0.3),
     "rate_fed": Quantity(0, "-", "spring bore vented to the case: table 3-9 calls its preload the spring's"),
     "b_rate": Quantity(8.0, "um", "estimate: usual clearance of a servo piston", 0.5),
     "e_rel_rate": Quantity(0.0, "-", "centred"),
@@ -137,7 +137,9 @@ SERVO: Mapping[str, Quantity] = {
     "d_contact": Quantity(500.0, "N s/m", "estimate: little rebound", 0.5),
 }
 VOLUMES: Mapping[str, Quantity] = {
-    "discharge": Quantity(0.45, "L", f"{_EST}: 0.3 to 0.6 L sets the peak of a load step", 0.3),
+    "discharge": Quantity(
+        0.75, "L", "estimate: bench line with its hoses' give; sets the peak of a load step, table 2-8", 0.3
+    ),
     "case": Quantity(0.8, "L", "estimate: housing less the rotating group", 0.3),
     "return_line": Quantity(0.5, "L", "estimate: hose and fittings", 0.5),
     "control": Quantity(4.0, "cm3", "estimate: bore and gallery of the stroking piston", 0.3),

@@ -103,9 +103,7 @@ def advance(
     s = passages(pump, circuit, scene, y, n, clearances, ch)
     n_sub = max(1, math.ceil(y[OMEGA] * dt / _FINE_ANGLE))
     if not extrapolate:
-        return solve_step(
-            pump, circuit, scene, s, y, n, dt, n_sub, T_start, clearances, ch, A, b, masses, flows
-        )
+        return solve_step(pump, circuit, scene, s, y, n, dt, n_sub, T_start, clearances, ch, A, b, masses, flows)
     half = 0.5 * dt
     coarse[:] = y
     ok = solve_step(
@@ -133,9 +131,7 @@ def advance(
     for j in range(N_FLOWS):
         flows[j] = flows_half[j] - flows[j]
     s = passages(pump, circuit, scene, y, n, clearances, ch)
-    ok = solve_step(
-        pump, circuit, scene, s, y, n, half, n_sub, T_start, clearances, ch, A, b, masses, flows_half
-    )
+    ok = solve_step(pump, circuit, scene, s, y, n, half, n_sub, T_start, clearances, ch, A, b, masses, flows_half)
     for j in range(N_FLOWS):
         flows[j] += flows_half[j]
     m, volumes, piston = scene.medium, pump.volumes, pump.piston
@@ -172,7 +168,7 @@ def step_error(y: Vector, coarse: Vector) -> float:
     worst = max(worst, abs(y[X] - coarse[X]) / 2.0e-5)
     worst = max(worst, abs(y[V_SPOOL] - coarse[V_SPOOL]) / 0.05)
     worst = max(worst, abs(y[ALPHA] - coarse[ALPHA]) / 1.0e-4)
-    return max(worst, abs(y[ALPHA_DOT] - coarse[ALPHA_DOT]) / 0.5)
+    return float(max(worst, abs(y[ALPHA_DOT] - coarse[ALPHA_DOT]) / 0.5))
 
 
 @compiled
@@ -195,10 +191,10 @@ def _inputs_at(times: Vector, table: Matrix, time: float, segment: int, out: Vec
 def _is_constant(table: Matrix, segment: int) -> bool:
     if segment >= table.shape[0] - 1:
         return True
+    same = True
     for j in range(table.shape[1]):
-        if table[segment, j] != table[segment + 1, j]:
-            return False
-    return True
+        same = same and table[segment, j] == table[segment + 1, j]
+    return same
 
 
 @compiled

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from twin.condition import Condition, Health
 from twin.parameters import Circuit, Pump
 from twin.recording import Recording
-from twin.simulation.layout import N_SHARED, P_C, P_D, state_name
+from twin.simulation.layout import ALPHA, N_SHARED, P_C, P_D, THETA, state_name
 from twin.simulation.loop import CAVITATED, DIVERGED, N_MEAN, N_SAMPLE, RUNNING, STEP_TOO_SHORT, run_loop, workspace
 from twin.simulation.output import MEANS, cycle_means, recording_of
 from twin.simulation.scenario import STEP_RANGE_S, Scenario, Value
@@ -35,6 +36,18 @@ ADVICE: dict[int, str] = {
     CAVITATED: "a volume ran dry: the asked flow is more than the pump delivers, give the load as an opening instead",
     STEP_TOO_SHORT: "no step was short enough: something strikes too hard there, soften the contact or take fixed steps",
 }
+
+
+class Options(TypedDict, total=False):
+    """Options of a run, as ``pieces`` explains them."""
+
+    sample_rate_hz: float | None
+    step_s: float | None
+    adaptive: bool
+    extrapolate: bool
+    keep_states: bool
+    initial_state: Vector | None
+    piece_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +195,8 @@ def pieces(
     per_piece = max(1, round(piece_s / interval))
     ws = workspace(n, len(y))
     revolution = np.zeros(3 + 2 * N_MEAN)
-    revolution[1] = y[12]
-    revolution[3 + N_MEAN : 8 + N_MEAN] = [*y[:4], y[6]]
+    revolution[1] = y[THETA]
+    revolution[3 + N_MEAN : 8 + N_MEAN] = [*y[:4], y[ALPHA]]
     counts = np.zeros(3, dtype=np.int64)
     fastest = table[:, 0].max() * RAD_PER_S_PER_RPM * 1.2
     for first in range(0, total, per_piece):
@@ -217,7 +230,7 @@ def simulate(
     scenario: Scenario,
     *,
     progress: Progress | None = None,
-    **options: float | bool | Vector | None,
+    **options: Unpack[Options],
 ) -> Run:
     """Simulate a scenario in memory; ``options`` as of ``pieces``; ``progress`` is told the share that is done.
 
@@ -227,7 +240,7 @@ def simulate(
         as of ``pieces``. A run that fails on its way raises nothing: see its ``status``.
     """
     parts: list[Run] = []
-    for part in pieces(pump, circuit, scenario, **options):  # type: ignore[arg-type]
+    for part in pieces(pump, circuit, scenario, **options):
         parts.append(part)
         if progress is not None:
             progress(min(part.status.time_s / scenario.duration_s, 1.0))
@@ -246,7 +259,7 @@ def simulate_batch(
     scenarios: Sequence[Scenario],
     *,
     n_workers: int | None = None,
-    **options: float | bool | Vector | None,
+    **options: Unpack[Options],
 ) -> list[Run | ValueError]:
     """Simulate many scenarios on all cores; one that cannot run comes back as its error and costs no neighbour."""
 
@@ -269,7 +282,7 @@ def steady_run(
     changes: dict[str, Value] | None = None,
     settle_revolutions: int = 12,
     mean_revolutions: int = 4,
-    **options: float | bool | Vector | None,
+    **options: Unpack[Options],
 ) -> Run:
     """Simulate at constant condition from the operating point for whole revolutions; ``Run.mean`` averages."""
     period = 60.0 / condition.speed_rpm

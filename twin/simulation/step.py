@@ -18,6 +18,7 @@ from twin.simulation import chambers, slippers
 from twin.simulation.layout import (
     ALPHA,
     ALPHA_DOT,
+    MASS,
     OMEGA,
     P_C,
     P_CTRL,
@@ -119,7 +120,7 @@ def solve_step(
     masses[2] = relative_density(m, y[P_I]) * volumes.return_line + dt * d_i
     masses[3] = relative_density(m, y[P_CTRL]) * volumes.control + dt * d_x
     for k in range(n):
-        masses[4 + k] = ch[k, chambers.MASS]
+        masses[4 + k] = ch[k, MASS]
     y[P_D] = pressure(m, masses[0] / volumes.discharge, Pd)
     y[P_C] = pressure(m, masses[1] / volumes.case, Pc)
     y[P_I] = pressure(m, masses[2] / volumes.return_line, Pi)
