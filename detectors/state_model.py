@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.verdict import State
-from twin.condition import INPUTS
+from twin.condition import INPUTS, Health
 from twin.operating_point import operating_points
 from twin.parameters import Circuit, PumpType
 
@@ -135,16 +135,12 @@ def twin_rows(full: Array, condition: Array, laminar_ratio: float) -> Array:
 
     ``laminar_ratio`` is viscosity at 50 degC over viscosity here: what a laminar leak is multiplied with.
     """
-    rows = np.empty((len(full), len(INPUTS)))
-    rows[:, :5] = condition
+    rows = np.tile((*condition, *Health()), (len(full), 1))
 
     def put(name: str, values: Array | float) -> None:
         rows[:, INPUTS.index(name)] = values
 
     put("pump_leakage_scale", np.exp(np.clip(full[:, INDEX["ln_leakage"]], -3.0, 4.0)))
-    put("slipper_leakage_scale", 1.0)
-    put("piston_leakage_scale", 1.0)
-    put("port_plate_leakage_scale", 1.0)
     put("control_bleed_lpm", np.clip(full[:, INDEX["bleed_lpm"]], 0.0, 10.0))
     system = full[:, INDEX["system_orifice_lpm"]] + laminar_ratio * full[:, INDEX["system_laminar_lpm"]]
     put("system_leakage_lpm", np.clip(system, 0.0, 20.0))

@@ -1,0 +1,85 @@
+"""What a comparison with published evidence is: rows of value beside reference, and curves that show it."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One quantity beside what is published for it.
+
+    Attributes
+    ----------
+    evidence
+        Table, figure or section of the thesis, or annex, in words.
+    quantity, unit
+        What is compared.
+    reference
+        The published value; of a specification its limit, NaN where there is only a value to state.
+    value
+        What the twin gives.
+    tolerance
+        Largest difference that counts as met [unit]; of a limit 0; NaN for a row that only states.
+    fitted
+        True where a parameter was chosen to meet this row: it validates nothing.
+    limit
+        -1: the value must not exceed the reference; +1: must not fall below it; 0: must lie within the tolerance.
+    note
+        What has to be known to read the row.
+    """
+
+    evidence: str
+    quantity: str
+    unit: str
+    reference: float
+    value: float
+    tolerance: float
+    fitted: bool = False
+    limit: int = 0
+    note: str = ""
+
+    @property
+    def within(self) -> bool | None:
+        """True when met, False when not, None for a row that only states."""
+        if math.isnan(self.tolerance):
+            return None
+        if self.limit < 0:
+            return self.value <= self.reference + self.tolerance
+        if self.limit > 0:
+            return self.value >= self.reference - self.tolerance
+        return abs(self.value - self.reference) <= self.tolerance
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """One line of a plot, x and y of shape (m,)."""
+
+    label: str
+    x: Vector
+    y: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Plot:
+    """Curves over one axis, with the sentence that says what to see in them."""
+
+    title: str
+    x_label: str
+    y_label: str
+    curves: tuple[Curve, ...]
+    caption: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """All rows and plots of one rig, with what was assumed and what is not explained."""
+
+    title: str
+    rows: tuple[Row, ...]
+    plots: tuple[Plot, ...] = ()
+    remarks: tuple[str, ...] = field(default_factory=tuple)
