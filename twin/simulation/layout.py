@@ -28,9 +28,9 @@ N_FLOWS = 7
 circuit, all slippers into the case [m3/s]."""
 
 (G_D, G_S, G_L, DRAG, VOLUME, ROTATION, TILT, COS, SIN, DENSITY, CAPACITY, MASS) = range(12)
-(G_THROTTLE, G_LAND, G_RING, POCKET, LEVER, FORCE, DAMPING, HELD) = range(12, 20)
-FIRST_SCRATCH = 20
-N_COLUMNS = 44
+G_LAND, G_RING, SUBSTEPS, POCKET = range(12, 16)
+FIRST_SCRATCH = 16
+N_COLUMNS = FIRST_SCRATCH + 53
 """Columns of the table of chambers, shape (n, N_COLUMNS): passages at the start of a step, then the step's scratch."""
 
 

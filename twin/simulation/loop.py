@@ -38,6 +38,8 @@ N_MEAN = 5 + N_FLOWS
 _CAVITY = 0.5e5
 """A shared volume this far below vapour [Pa] is starved: what it should deliver is not there."""
 _SHORTEST = 0.2e-6
+_BLOW_STEP = 1.0e-6
+"""Step while a slipper slams down on the plate [s]."""
 _FINE_ANGLE = 0.005
 """Angle that a filling chamber turns per substep [rad], 0.3 degrees."""
 _ROUNDING = 1.0e-9
@@ -68,8 +70,8 @@ def workspace(n: int, m: int) -> Workspace:
         np.empty(N_SOLVED),
         np.empty(m),
         np.empty(m),
-        np.empty(4 + n),
-        np.empty(4 + n),
+        np.empty(4 + 2 * n),
+        np.empty(4 + 2 * n),
         np.empty(N_FLOWS),
         np.empty(N_FLOWS),
         np.ones((n, 2)),
@@ -102,6 +104,8 @@ def advance(
     """
     s = passages(pump, circuit, scene, y, n, clearances, ch)
     n_sub = max(1, math.ceil(y[OMEGA] * dt / _FINE_ANGLE))
+    if pump.slipper.variable > 0.5:
+        slippers.choose_substeps(pump, y, n, dt, ch)
     if not extrapolate:
         return solve_step(pump, circuit, scene, s, y, n, dt, n_sub, T_start, clearances, ch, A, b, masses, flows)
     half = 0.5 * dt
@@ -148,7 +152,10 @@ def advance(
     lifted = pump.slipper.variable > 0.5
     for k in range(n):
         if lifted:
-            V = slippers.lifted_volume(piston, scene.t_max, t, c, y[N_SHARED + 2 * n + k])
+            h = y[N_SHARED + 2 * n + k]
+            V = slippers.lifted_volume(piston, scene.t_max, t, c, h)
+            held = (2.0 * masses[4 + n + k] - other[4 + n + k]) / (pump.slipper.V_pocket + scene.S_eq * h)
+            y[N_SHARED + n + k] = pressure(m, held, y[N_SHARED + n + k])
         else:
             V = chamber_volume(piston, scene.t_max, t, c)
         y[N_SHARED + k] = pressure(m, (2.0 * masses[4 + k] - other[4 + k]) / V, y[N_SHARED + k])
@@ -253,6 +260,8 @@ def run_loop(
     interval = dt * substeps
     h = dt
     whole = 2.0 * math.pi
+    lifted = pump.slipper.variable > 0.5
+    pieces_left, step = 0, dt
     for i in range(n_steps):
         end = start + (i + 1) * interval
         j = 0
@@ -267,7 +276,11 @@ def run_loop(
             else:
                 if j == substeps:
                     break
-                step = dt
+                if pieces_left == 0:
+                    pieces_left, step = 1, dt
+                    if lifted and slippers.choose_substeps(pump, y, n, dt, ch):
+                        pieces_left = max(1, math.ceil(dt / _BLOW_STEP - 1.0e-9))
+                        step = dt / pieces_left
             segment = _inputs_at(times, table, time + 0.5 * step, segment, inputs)
             if segment != fresh or not constant:
                 scene = scene_of(pump, circuit, inputs)
@@ -291,7 +304,10 @@ def run_loop(
                     continue
                 h = min(dt, step * min(1.5, 0.9 / math.sqrt(max(error, 1.0e-4))))
             time = time + step
-            j += 1
+            pieces_left -= 1
+            if pieces_left <= 0:
+                pieces_left = 0
+                j += 1
             if not ok:
                 revolution[0] = time
                 return DIVERGED

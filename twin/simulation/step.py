@@ -24,6 +24,7 @@ from twin.simulation.layout import (
     P_CTRL,
     P_D,
     P_I,
+    POCKET,
     Q_DRAIN,
     Q_LOAD,
     Q_RETURN,
@@ -52,9 +53,7 @@ def passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector, n: int, clea
     """Every passage and force at the state ``y`` but the ports: chambers into ``ch``, the rest returned."""
     t = math.tan(y[ALPHA])
     chambers.volumes(pump, scene, y, n, t, ch)
-    if pump.slipper.variable > 0.5:
-        slippers.variable_gaps(pump, scene, y, n, clearances, ch)
-    else:
+    if pump.slipper.variable < 0.5:
         chambers.constant_gaps(pump, scene, y, n, clearances, t, ch)
     return shared_passages(pump, circuit, scene, y)
 
@@ -79,14 +78,13 @@ def solve_step(
 ) -> bool:
     """Advance ``y`` by ``dt`` in place with the passages in ``s`` and ``ch``; False when it failed.
 
-    ``A`` (6, 6) and ``b`` (6,) are scratch; ``masses`` (4 + n,) receives the fluid in discharge, case, return, control
-    volume and chambers [m3 at ambient density]; ``flows`` (N_FLOWS,) the step's flows.
+    ``A`` (6, 6) and ``b`` (6,) are scratch; ``masses`` (4 + 2 n,) receives the fluid in discharge, case, return, control
+    volume, chambers and pockets [m3 at ambient density]; ``flows`` (N_FLOWS,) the step's flows.
     """
     lifted = pump.slipper.variable > 0.5
     assemble(pump, circuit, scene, s, y, dt, A, b)
     if lifted:
-        chambers.ports(pump, scene, y, n, 0.5 * dt * y[OMEGA], ch)
-        slippers.eliminate_lifted(pump, scene, y, n, dt, ch, A, b)
+        slippers.eliminate_lifted(pump, scene, y, n, dt, clearances, ch, A, b)
     else:
         chambers.eliminate(pump, scene, y, n, dt, n_sub, clearances, ch, A, b)
     if not solve_shared(A, b):
@@ -121,6 +119,8 @@ def solve_step(
     masses[3] = relative_density(m, y[P_CTRL]) * volumes.control + dt * d_x
     for k in range(n):
         masses[4 + k] = ch[k, MASS]
+        if lifted:
+            masses[4 + n + k] = ch[k, POCKET]
     y[P_D] = pressure(m, masses[0] / volumes.discharge, Pd)
     y[P_C] = pressure(m, masses[1] / volumes.case, Pc)
     y[P_I] = pressure(m, masses[2] / volumes.return_line, Pi)
@@ -216,7 +216,7 @@ def rates(
     s = passages(pump, circuit, scene, y, n, clearances, ch)
     chambers.ports(pump, scene, y, n, 0.0, ch)
     if pump.slipper.variable > 0.5:
-        to_discharge, leaked, torque = slippers.lifted_rates(pump, scene, y, n, ch, dy)
+        to_discharge, leaked, torque = slippers.lifted_rates(pump, scene, y, n, clearances, ch, dy)
     else:
         to_discharge, leaked, torque = chambers.chamber_rates(scene, y, n, ch, dy)
     volumes, comp, servo, m, P_s = pump.volumes, pump.compensator, pump.servo, scene.medium, scene.P_s
