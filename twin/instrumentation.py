@@ -138,7 +138,7 @@ class Instrument:
     def _drift(self, index: NDArray[np.int64]) -> Samples:
         """Drift at samples counted from the recording's start, shape (n,)."""
         model = self._model
-        drift = model.drift_per_hour * (index * self._step_s / _SECONDS_PER_HOUR)
+        drift: Samples = model.drift_per_hour * (index * self._step_s / _SECONDS_PER_HOUR)
         if model.walk_per_sqrt_hour > 0.0:
             sigma = model.walk_per_sqrt_hour * math.sqrt(self._step_s / _SECONDS_PER_HOUR)
             walk = self._walked + np.cumsum(self._rng.normal(0.0, sigma, len(index)))
@@ -153,8 +153,9 @@ class Instrument:
             return value
         if self._filter_state is None:
             self._filter_state = (1.0 - share) * value[:1]
-        passed, self._filter_state = lfilter([share], [1.0, share - 1.0], value, zi=self._filter_state)
-        return passed
+        passed, state = lfilter([share], [1.0, share - 1.0], value, zi=self._filter_state)
+        self._filter_state = np.asarray(state, dtype=np.float64)
+        return np.asarray(passed, dtype=np.float64)
 
     def _digitised(self, value: Samples) -> Samples:
         """Quantum, range, spikes and dropouts of the sensor's own samples."""
