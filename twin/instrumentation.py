@@ -133,17 +133,18 @@ class Instrument:
         self._last_update = int(update[-1])
         readings = np.concatenate(([self._held], self._digitised(value[fresh])))
         self._held = float(readings[-1])
-        return readings[np.cumsum(fresh)]
+        held: Samples = readings[np.cumsum(fresh)]
+        return held
 
     def _drift(self, index: NDArray[np.int64]) -> Samples:
         """Drift at samples counted from the recording's start, shape (n,)."""
         model = self._model
-        drift: Samples = model.drift_per_hour * (index * self._step_s / _SECONDS_PER_HOUR)
+        drift = np.asarray(index * (model.drift_per_hour * self._step_s / _SECONDS_PER_HOUR), dtype=np.float64)
         if model.walk_per_sqrt_hour > 0.0:
             sigma = model.walk_per_sqrt_hour * math.sqrt(self._step_s / _SECONDS_PER_HOUR)
             walk = self._walked + np.cumsum(self._rng.normal(0.0, sigma, len(index)))
             self._walked = float(walk[-1])
-            drift = drift + walk
+            drift += walk
         return drift
 
     def _low_pass(self, value: Samples) -> Samples:

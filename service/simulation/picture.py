@@ -109,7 +109,7 @@ def _fill(ax: Any, panel: Panel, thinned: Thinned, time: Samples) -> None:
     for (channel, words), colour in zip(shown, _COLOURS, strict=False):
         low, mean, high = thinned.rows(channel).T
         if (high > low).any():
-            ax.fill_between(time, low, high, color=colour, alpha=0.25, linewidth=0.0)
+            ax.fill_between(time, low, high, color=colour, alpha=0.35, linewidth=0.7)
         ax.plot(time, mean, color=colour, linewidth=1.2, label=words)
     ax.set_ylabel(panel.label)
     ax.grid(visible=True, color="#d9d9d9", linewidth=0.6)

@@ -161,7 +161,7 @@ def test_every_fault_is_in_one_message() -> None:
         "adaptive: is a text, neither true nor false",
         "colour: unknown key (known: title, duration_s",
         "severity: needs a mechanism",
-        "speed_rpm = 99999 (allowed: 200 to 8000)",
+        "speed_rpm = 99999 (allowed: 200 to 8000 rpm)",
         "condition.fluid_temperature_degc: is missing",
         "condition.reservoir_pressure_bar: is not a finite number",
         "condition.altitude: unknown key",
