@@ -11,8 +11,9 @@ import structlog
 import typer
 import uvicorn
 from rich.console import Console
-from rich.progress import track
+from rich.progress import Progress, track
 from rich.table import Table
+from rich.text import Text
 
 from detectors.curve_svg import curve_svg
 from service import __version__
@@ -35,9 +36,9 @@ Files = Annotated[
 Port = Annotated[int, typer.Option(help="Port to listen on")]
 
 
-def _fail(words: str) -> typer.Exit:
-    complaints.print(f"[bold red]error:[/] {words}", highlight=False)
-    return typer.Exit(1)
+def _fail(words: str, code: int = 1) -> typer.Exit:
+    complaints.print("[bold red]error:[/]", Text(words), highlight=False, soft_wrap=True)
+    return typer.Exit(code)
 
 
 def _version(wanted: bool) -> None:
@@ -190,6 +191,39 @@ def analyse(
         console.print(f"Picture: {picture}", highlight=False)
     if found.refused:
         raise _fail(f"{len(found.refused)} of {len(files)} files were refused")
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file: TOML", exists=True, dir_okay=False)],
+    output: Annotated[Path, typer.Option(help="Flight record to write: .parquet or .csv")],
+    picture: Annotated[Path | None, typer.Option(help="Picture to draw: .svg or .png")] = None,
+    pump: Annotated[str, typer.Option(help="Pump type")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
+    sensors: Annotated[str, typer.Option(help="none (the truth), helicopter or test_bench")] = "none",
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is other chance in the sensors")] = 1,
+) -> None:
+    """Simulate a scenario into a flight record; exit code 1 if it stops early, 2 if it is wrong."""
+    from service.simulation.run import asked, run_file  # noqa: PLC0415 - heavy, and only here
+    from service.simulation.scenario_file import ScenarioFaultsError  # noqa: PLC0415
+
+    try:
+        file, kind = asked(scenario, output, picture, pump, circuit, sensors)
+        with Progress(console=complaints, transient=True) as bar:
+            task = bar.add_task("simulating", total=1.0)
+            outcome = run_file(
+                file, kind, circuit, sensors, seed, output, picture, lambda share: bar.update(task, completed=share)
+            )
+    except ScenarioFaultsError as error:
+        raise _fail(f"{scenario} has {len(error.faults)} fault(s)\n  " + "\n  ".join(error.faults), 2) from None
+    except (RuntimeError, OSError) as error:
+        raise _fail(str(error)) from None
+    console.print(f"{output}: {outcome.n_rows} rows, {outcome.status.time_s:.6g} s", highlight=False, soft_wrap=True)
+    if outcome.missing:
+        words = f"To upload it, say in the scenario's table metadata: {', '.join(outcome.missing)}."
+        console.print(words, highlight=False, soft_wrap=True)
+    if not outcome.status.ok:
+        raise _fail(f"{outcome.status.advice}. What was computed until then is kept.")
 
 
 @keys_app.command("create")

@@ -27,6 +27,7 @@ TRANSIENT_RANGES: dict[str, tuple[float, float]] = {
     "slipper_gap_scale": (0.0, 20.0),
     "port_plate_gap_scale": (0.0, 20.0),
 }
+_UNITS = {"rpm": "rpm", "degc": "degC", "bar": "bar", "lpm": "L/min", "um": "um", "n": "N", "nm": "N m"}
 STEP_RANGE_S = (0.1e-6, 100.0e-6)
 """Steps for which the error was measured."""
 
@@ -195,7 +196,15 @@ def _value_faults(name: str, base_name: str, values: Sequence[float]) -> list[st
     else:
         low, high = TRANSIENT_RANGES[base_name]
     wrong = [v for v in values if not low <= v <= high]
-    return [f"{name} = {wrong[0]:g} (allowed: {low:g} to {high:g})"] if wrong else []
+    return [f"{name} = {wrong[0]:g} (allowed: {low:g} to {high:g}{_unit(base_name)})"] if wrong else []
+
+
+def _unit(name: str) -> str:
+    """Unit that a name ends with, after a space; empty for a factor."""
+    if name.endswith("_lpm_per_sqrt_bar"):
+        return " L/min/sqrt(bar)"
+    unit = _UNITS.get(name.rpartition("_")[2])
+    return f" {unit}" if unit else ""
 
 
 def _values_at(schedule: Schedule, start_flight_hours: float, times: Vector, before: NDArray[np.bool_]) -> Vector:

@@ -1,0 +1,1 @@
+"""Simulate a scenario file into a flight record and a picture."""
