@@ -7,6 +7,7 @@ import pytest
 from sksundae.cvode import CVODE
 
 from twin.laws.compressibility import relative_density
+from twin.laws.friction import friction_damping_ahead
 from twin.parts.piston import chamber_volume
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.layout import (
@@ -105,6 +106,35 @@ class TestJamming:
 
     def test_a_jam_in_balance_does_not_overshoot(self, jammed: Evidence) -> None:
         assert value(jammed, "jammed when settled") < 180.0
+
+
+class TestBreakingFree:
+    """Friction at the speed that a step ends with (equation 2-25): one step frees a body that hardly moved."""
+
+    @pytest.mark.parametrize("drive", [510.0, 600.0, -600.0])
+    def test_pushed_harder_than_friction_it_moves_by_the_rest(self, drive: float) -> None:
+        inertia = 300.0
+        damping = friction_damping_ahead(500.0, 500.0, 2.0e-4, drive, inertia)
+        assert drive / (inertia + damping) == pytest.approx(
+            math.copysign(abs(drive) - 500.0, drive) / inertia, rel=1e-3
+        )
+
+    def test_pushed_less_it_creeps(self) -> None:
+        damping = friction_damping_ahead(500.0, 500.0, 2.0e-4, 400.0, 300.0)
+        assert 0.0 < 400.0 / (300.0 + damping) < 2.0e-4
+
+    def test_default_step_frees_the_spool_when_short_steps_do(self) -> None:
+        """Within 0.2 ms: the friction of the step's start would take 1.5 ms longer."""
+        opening = full_flow_opening(PUMP, STAND)
+        load = Schedule((0.25, 0.255), (opening, 0.0))
+        changes = {"load_conductance_lpm_per_sqrt_bar": load, "spool_jamming_force_n": Schedule.step(0.3, 0.0, 500.0)}
+        scenario = Scenario(0.34, CONDITION, changes=changes)
+        freed = []
+        for step in (60.0e-6, 5.0e-6):
+            recording = simulate(PUMP, STAND, scenario, sample_rate_hz=10_000.0, step_s=step).recording
+            time, x = recording.time_s, recording["spool_position_mm"]
+            freed.append(float(time[(time > 0.3) & (x > x[np.searchsorted(time, 0.3)] + 0.05)][0]))
+        assert freed[0] == pytest.approx(freed[1], abs=2.0e-4)
 
 
 class TestTable27:

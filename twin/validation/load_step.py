@@ -69,11 +69,8 @@ def load_step(
     *,
     opened_s: float = OPENED_S,
     end_s: float = END_S,
-    step_s: float | None = None,
 ) -> Recording:
     """Full flow, zero flow from ``SHUT_S`` on, full flow again from ``opened_s`` on; ``changes`` beside the load.
-
-    ``step_s`` is the longest step, None the default one.
 
     Raises
     ------
@@ -84,7 +81,7 @@ def load_step(
     at = (SHUT_S, SHUT_S + MOVE_S, opened_s, opened_s + MOVE_S)
     load = Schedule(at, (opening, 0.0, 0.0, opening))
     scenario = Scenario(end_s, CONDITION, changes={_LOAD: load, **(changes or {})})
-    run = simulate(pump, circuit, scenario, sample_rate_hz=SAMPLE_RATE_HZ, step_s=step_s)
+    run = simulate(pump, circuit, scenario, sample_rate_hz=SAMPLE_RATE_HZ)
     if not run.status.ok:
         raise RuntimeError(run.status.advice)
     return run.recording
