@@ -26,6 +26,18 @@ def friction_damping(F_coulomb: float, F_static: float, v: float, v_0: float) ->
 
 
 @compiled
+def friction_damping_ahead(F_coulomb: float, F_static: float, v_0: float, drive: float, inertia: float) -> float:
+    """Friction over speed at the speed that a step will end with [N s/m], for a body that friction alone may hold.
+
+    ``drive`` is what pushes the body over the step, its momentum included [N], ``inertia`` what it pushes against per
+    speed [N s/m]. Taken at the speed before, a secant would let a body break free over many steps instead of one.
+    """
+    push = abs(drive)
+    v = max((push - F_coulomb) / inertia, push / (inertia + 2.0 * F_coulomb / v_0))
+    return friction_damping(F_coulomb, F_static, v, v_0)
+
+
+@compiled
 def gap_drag(mu: float, d: float, b: float, e_rel: float, length: float) -> float:
     """Viscous drag of an annular gap over speed [N s/m] (2-11, mended: the eccentricity enters as e/b)."""
     return mu * length * math.pi * d / (b * math.sqrt(1.0 - e_rel * e_rel))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twin.compiled import compiled, inlined
 from twin.laws.compressibility import relative_compressibility
 from twin.laws.fluid import throttling_heating
-from twin.laws.friction import friction_damping
+from twin.laws.friction import friction_damping, friction_damping_ahead
 from twin.parameters import Circuit, Pump
 from twin.parts import servo as servo_part
 from twin.parts.circuit import counted_conductance, drain_conductance, return_conductance, turbulent_conductance
@@ -66,7 +66,8 @@ class Shared(NamedTuple):
     """Conductances [m3/s/Pa], flows and forces of everything but the chambers at one instant.
 
     ``e_in_x``, ``e_out_x`` are slopes of the control flows by the spool's position [m2/s]; ``F_spring`` with its
-    slopes acts against discharge pressure on the spool; ``torque`` is what acts on the plate besides pressures.
+    slopes acts against discharge pressure on the spool, ``F_friction_v`` being the part of ``F_spring_v`` that is friction
+    at the spool's speed of now; ``torque`` is what acts on the plate besides pressures.
     """
 
     load: float
@@ -85,6 +86,7 @@ class Shared(NamedTuple):
     F_spring: float
     F_spring_x: float
     F_spring_v: float
+    F_friction_v: float
     torque: float
     torque_alpha: float
     torque_rate: float
@@ -123,7 +125,7 @@ def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Sh
     jet, jet_x = jet_stiffness(comp, scene.edge, x, P_d - P_ctrl)
     stopped, stop_x = spool_stop(comp, x)
     F_v = comp.damping + transient_jet_damping(comp, x, P_d - P_ctrl, rho)
-    F_v += friction_damping(comp.F_coulomb + scene.jam, comp.F_static + scene.jam, v, comp.v_friction)
+    rubbing = friction_damping(comp.F_coulomb + scene.jam, comp.F_static + scene.jam, v, comp.v_friction)
 
     end, end_x, end_v = stop(plate, alpha, alpha_dot)
     friction = friction_damping(
@@ -181,7 +183,8 @@ def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Sh
         ret=return_conductance(P_i - scene.P_s, scene.k_inf, scene.K, circuit.gamma),
         F_spring=scene.preload + scene.k_valve * x + jet - stopped,
         F_spring_x=scene.k_valve + jet_x + stop_x,
-        F_spring_v=F_v,
+        F_spring_v=F_v + rubbing,
+        F_friction_v=rubbing,
         torque=torque,
         torque_alpha=torque_alpha,
         torque_rate=torque_rate,
@@ -239,6 +242,10 @@ def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, d
     A[4, 1] = comp.A_spool
     A[4, 4] = comp.m_spool / dt + s.F_spring_x * dt + s.F_spring_v
     b[4] = comp.m_spool / dt * y[V_SPOOL] - s.F_spring
+    if s.F_friction_v > 0.0:
+        inertia, drive = A[4, 4] - s.F_friction_v, b[4] + comp.A_spool * (P_d - P_c)
+        coulomb, static = comp.F_coulomb + scene.jam, comp.F_static + scene.jam
+        A[4, 4] = inertia + friction_damping_ahead(coulomb, static, comp.v_friction, drive, inertia)
     # plate
     A[5, 5] = s.J / dt - s.torque_rate - s.torque_alpha * dt
     b[5] = s.J / dt * y[ALPHA_DOT] + s.torque
