@@ -1,0 +1,8 @@
+"""All comparisons with published evidence, by the name that the command line knows."""
+
+from collections.abc import Callable, Mapping
+
+from twin.validation.evidence import Evidence
+from twin.validation.slippers import slippers
+
+EVIDENCE: Mapping[str, Callable[[], Evidence]] = {"slippers": slippers}
