@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from twin.validation.evidence import Plot
 
-_WIDTH_IN, _HEIGHT_IN = 7.6, 3.7
+_WIDTH_IN, _HEIGHT_IN = 6.0, 3.4
 _INK, _GRID = "#1b2430", "#d7dde4"
 _DASHES = (0, (6, 2, 1, 2, 1, 2))
 _LINES: tuple[tuple[str, str | tuple[int, tuple[int, ...]]], ...] = (
@@ -42,8 +42,8 @@ def plot_svg(plot: Plot, name: str) -> str:
         axes.tick_params(colors=_INK)
         axes.margins(x=0.01)
         if len(plot.curves) > 1:
-            # beside the curves: never on top of one
-            axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, handlelength=2.6)
+            # above the axes: never on top of a curve
+            figure.legend(loc="outside upper left", ncols=2, frameon=False, handlelength=2.6)
         out = io.StringIO()
         figure.savefig(out, format="svg", metadata={"Creator": None, "Date": None, "Format": None, "Type": None})
     return _embedded(out.getvalue(), plot.title, name)

@@ -22,7 +22,6 @@ _TEMPLATES = Environment(
     trim_blocks=True,
     lstrip_blocks=True,
 )
-_DIGITS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +93,19 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _shown(value: float) -> str:
-    if math.isnan(value):
+def _shown(value: float, digits: int) -> str:
+    """Plain decimals with so many significant digits; less than a thousandth with two."""
+    if not math.isfinite(value):
         return "–"
-    return f"{value:.{_DIGITS}g}".replace("-", "−")
+    digits = digits if abs(value) >= 1.0e-3 else 2
+    rounded = float(f"{value:.{digits - 1}e}")
+    places = max(digits - 1 - math.floor(math.log10(abs(rounded))), 0) if rounded else 0
+    return f"{rounded:.{places}f}".replace("-", "−")
+
+
+def _printed(value: float) -> str:
+    """A published number as it was typed, without zeros of our own."""
+    return f"{value:.10f}".rstrip("0").rstrip(".").replace("-", "−") if math.isfinite(value) else "–"
 
 
 def _cells(row: Row) -> dict[str, str]:
@@ -109,13 +117,13 @@ def _cells(row: Row) -> dict[str, str]:
         kind = "met" if within else "missed"
         verdict = ("met" if within else "not met") + (", fitted" if row.fitted else "")
     bound = {-1: "at most ", 0: "", 1: "at least "}[row.limit]
-    tolerance = "–" if within is None or (row.limit and row.tolerance == 0.0) else f"±{_shown(row.tolerance)}"
+    tolerance = "–" if within is None or (row.limit and row.tolerance == 0.0) else f"±{_shown(row.tolerance, 2)}"
     return {
         "evidence": row.evidence,
         "quantity": row.quantity,
         "unit": row.unit,
-        "reference": bound + _shown(row.reference),
-        "value": _shown(row.value),
+        "reference": bound + _printed(row.reference),
+        "value": _shown(row.value, 4),
         "tolerance": tolerance,
         "kind": kind,
         "verdict": verdict,
