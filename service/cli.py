@@ -1,5 +1,6 @@
 """The command line."""
 
+import json
 import sys
 import time
 from datetime import datetime
@@ -224,6 +225,34 @@ def simulate(
         console.print(words, highlight=False, soft_wrap=True)
     if not outcome.status.ok:
         raise _fail(f"{outcome.status.advice}. What was computed until then is kept.")
+
+
+@app.command()
+def validate(
+    output: Annotated[Path, typer.Option(help="Where the page goes", dir_okay=False)] = Path("report.html"),
+    json_: Annotated[Path | None, typer.Option("--json", help="Also write the rows as JSON", dir_okay=False)] = None,
+    only: Annotated[list[str] | None, typer.Option(help="Only this comparison; may be repeated")] = None,
+) -> None:
+    """Compare the twin with published evidence; exit code 1 if a row that validates is not met."""
+    from service.validation.report import counts_of, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
+    from twin.validation.catalogue import EVIDENCE  # noqa: PLC0415
+
+    unknown = [name for name in only or () if name not in EVIDENCE]
+    if unknown:
+        raise _fail(f"no comparison {', '.join(unknown)}; known: {', '.join(EVIDENCE)}")
+    names = [name for name in EVIDENCE if not only or name in only]
+    found = {name: EVIDENCE[name]() for name in track(names, "comparing", console=complaints, transient=True)}
+    counts = counts_of(found)
+    for path, text in ((output, report_html(found)), (json_, json.dumps(rows_json(found), indent=1) + "\n")):
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    words = f"{counts.met} rows met, {counts.not_met} not met; fitted: {counts.fitted_met} met, "
+    console.print(f"{words}{counts.fitted_not_met} not met; {counts.stated} only stated", highlight=False)
+    console.print(f"Report: {output}", highlight=False)
+    if counts.not_met:
+        missed = [row.quantity for e in found.values() for row in e.rows if row.within is False and not row.fitted]
+        raise _fail(f"not met: {'; '.join(missed)}")
 
 
 @keys_app.command("create")

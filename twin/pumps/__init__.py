@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from twin.parameters import Circuit, PumpType
 from twin.pumps.circuits import CIRCUITS
 from twin.pumps.h225 import H225
+from twin.pumps.h225_thesis import H225_THESIS
 
-PUMP_TYPES: Mapping[str, PumpType] = {H225.name: H225}
+PUMP_TYPES: Mapping[str, PumpType] = {kind.name: kind for kind in (H225, H225_THESIS)}
 
 
 def pump_type(name: str) -> PumpType:

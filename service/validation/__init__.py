@@ -1,0 +1,1 @@
+"""Report of the comparisons with published evidence."""

@@ -1,0 +1,26 @@
+"""Worn pistons against table 4-3, as operating point and as transient means."""
+
+import pytest
+
+from twin.validation.wear import steady_point, transient_means, wear
+
+
+def test_every_row_of_table_4_3_with_a_tolerance_is_met() -> None:
+    rows = [row for row in wear().rows if row.within is not None]
+    assert len(rows) == 15
+    assert [row.quantity for row in rows if not row.within] == []
+    assert sum(row.fitted for row in rows) == 6
+
+
+def test_uneven_wear_enters_the_operating_point_by_the_mean_of_cubes() -> None:
+    healthy, worn = steady_point(0.0), steady_point(1.0)
+    # three of nine at eight times: (3 * 8 + 6) / 9, less what the lower pressure takes back
+    ratio = worn["piston_leakage_lpm"] / healthy["piston_leakage_lpm"]
+    assert ratio == pytest.approx(30 / 9, rel=0.005)
+    assert healthy["discharge_pressure_bar"] == pytest.approx(136.5, abs=0.5)
+
+
+def test_a_wider_gap_lifts_the_return_pressure_by_its_drag() -> None:
+    healthy, worn = transient_means(0.0), transient_means(0.5)
+    # table 4-3: 0.0022 - 0.0016 bar, which leakage alone would not give
+    assert worn["return_pressure_bar"] - healthy["return_pressure_bar"] == pytest.approx(0.0006, abs=0.0002)

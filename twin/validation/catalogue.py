@@ -1,0 +1,22 @@
+"""All comparisons with published evidence, by the name that the command line knows."""
+
+from collections.abc import Callable, Mapping
+
+from twin.validation.acceptance import acceptance
+from twin.validation.compensator import compensator
+from twin.validation.erosion import erosion
+from twin.validation.evidence import Evidence
+from twin.validation.jamming import jamming
+from twin.validation.slippers import slippers
+from twin.validation.spectrum import spectrum
+from twin.validation.wear import wear
+
+EVIDENCE: Mapping[str, Callable[[], Evidence]] = {
+    "acceptance": acceptance,
+    "compensator": compensator,
+    "erosion": erosion,
+    "jamming": jamming,
+    "slippers": slippers,
+    "wear": wear,
+    "spectrum": spectrum,
+}
