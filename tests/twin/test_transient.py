@@ -4,186 +4,257 @@ import math
 
 import numpy as np
 import pytest
-from sksundae.cvode import CVODE
-from twin.simulation.network import ALPHA, drain_conductance, return_conductance, scene_of
 
-from twin.condition import Condition, Health, input_rows
+from benchmarks.referee import compared, order_amplitude
+from twin.condition import Condition, Health
 from twin.laws.bench import drain_pressure_drop, return_pressure_drop
-from twin.laws.fluid import P_ATMOSPHERE, relative_density
+from twin.laws.compressibility import medium_of, relative_density
 from twin.operating_point import operating_point
+from twin.parameters import Circuit, Pump
+from twin.parts.circuit import drain_conductance, return_conductance
 from twin.parts.piston import chamber_volume, volume_by_tilt, volume_rate_by_rotation
 from twin.parts.port_plate import opening
 from twin.pumps import circuit_parameters, pump_type
-from twin.simulation.run import MEANS, RUN_OK, SteadyRun, initial_state, run_loop, steady_run
-from twin.simulation.step import N_SHARED, rates
+from twin.simulation.energy import power_balance
+from twin.simulation.layout import ALPHA, N_SHARED, P_D, THETA
+from twin.simulation.run import Run, simulate, simulate_batch, steady_run
+from twin.simulation.scenario import Scenario, Schedule, Value
+from twin.units import KELVIN_AT_0_DEGC, RAD_PER_S_PER_RPM
 from twin.units import M3_PER_S_PER_LPM as LPM
 from twin.units import PA_PER_BAR as BAR
 
 PUMP = pump_type("h225").pump
+LIFTED = PUMP._replace(slipper=PUMP.slipper._replace(variable=1.0))
 BENCH = circuit_parameters("shared_return")
 SEPARATE = circuit_parameters("separate_drain")
 N = int(PUMP.piston.n)
 
 
-def cvode_means(condition: Condition, health: Health, run: SteadyRun, revolutions: int = 2) -> dict[str, float]:
-    """Continue from the last state of a run with CVODE (rtol 1e-9) and average over whole revolutions."""
-    scene = scene_of(PUMP, BENCH, input_rows([condition], [health])[0], 0.0)
-    scales, chambers = np.ones((N, 2)), np.empty((N, 12))
-    # scaled states, so that one tolerance fits pressures and spool positions alike
-    scale = np.concatenate((np.full(N + 4, 1e5), [1e-4, 1e-2, 1e-2, 1.0]))
-
-    def f(t: float, y: np.ndarray, dy: np.ndarray) -> None:
-        rates(PUMP, BENCH, scene, y * scale, N, scene.omega * t, scales, chambers, dy)
-        dy /= scale
-
-    period = 2 * math.pi / scene.omega
-    instants = np.linspace(0, revolutions * period, 2000 * revolutions + 1)
-    solver = CVODE(f, method="BDF", rtol=1e-9, atol=1e-9, max_num_steps=10_000_000)
-    solution = solver.solve(instants, run.states[-1] / scale)
-    assert solution.success
-    y = solution.y[1:] * scale
-    case_flow = [drain_conductance(s[N + 1] - s[N + 2], scene.k_c, scene.k_cQ) * (s[N + 1] - s[N + 2]) / LPM for s in y]
-    return {
-        "discharge_pressure_bar": float(y[:, N].mean()) / BAR - condition.ambient_pressure_bar,
-        "case_pressure_bar": float(y[:, N + 1].mean()) / BAR - condition.ambient_pressure_bar,
-        "case_flow_lpm": float(np.mean(case_flow)),
-        "order_9_bar": order(y[:, N], 9 * revolutions) / BAR,
-    }
-
-
-def order(samples: np.ndarray, bin_: int) -> float:
-    """Amplitude of one bin of the discrete spectrum."""
-    return float(2 * np.abs(np.fft.rfft(samples)[bin_]) / len(samples))
-
-
 @pytest.mark.parametrize(
-    ("condition", "health"),
+    ("pump", "condition", "health", "changes"),
     [
-        (Condition(4600, 50), Health()),
-        (Condition(4600, 80, 0.5, 20.0), Health(pump_leakage_scale=2.0)),
-        (Condition(920, 30, 0.0, 2.0), Health()),
+        (PUMP, Condition(4600, 50), Health(), {}),
+        (PUMP, Condition(4600, 80, 0.5, 20.0), Health(pump_leakage_scale=2.0), {}),
+        (PUMP, Condition(920, 30, 0.0, 2.0), Health(), {}),
+        (PUMP, Condition(5500, 20, 0.0, 10.0), Health(), {}),
+        (
+            PUMP,
+            Condition(5500, 100, 1.0),
+            Health(slipper_leakage_scale=3.0),
+            {"load_conductance_lpm_per_sqrt_bar": 2.8, "slipper_gap_scale[2]": 1.8},
+        ),
+        (LIFTED, Condition(4600, 50), Health(), {}),
+        (LIFTED, Condition(920, 30, 0.0, 2.0), Health(), {}),
     ],
-    ids=["zero flow", "hot, worn, 20 L/min", "slow"],
+    ids=["zero flow", "hot, worn, 20 L/min", "slow", "fast and cold", "full flow, uneven", "lifted", "lifted, slow"],
 )
-def test_cycle_means_and_ripple_meet_cvode(condition: Condition, health: Health) -> None:
-    # 150 revolutions settle what the operating point starts from; CVODE goes on from there
-    run = steady_run(PUMP, condition, BENCH, health, settle_revolutions=150, mean_revolutions=2)
-    # start CVODE at a whole revolution: the state before the first step of the average's last turn
-    per = round(2 * math.pi / (condition.speed_rpm * math.pi / 30) / (run.time_s[1] - run.time_s[0]))
-    begun = SteadyRun(run.time_s, run.states[: len(run.states) - per + 1], run.means, run.status)
-    reference = cvode_means(condition, health, begun)
-    for name in ("discharge_pressure_bar", "case_pressure_bar", "case_flow_lpm"):
-        assert run.means[name] == pytest.approx(reference[name], rel=0.002), name
-    ripple = order(run.states[-2 * per :, N], 18) / BAR
-    assert ripple == pytest.approx(reference["order_9_bar"], rel=0.03)
+def test_cycle_means_and_ripple_meet_cvode(
+    pump: Pump, condition: Condition, health: Health, changes: dict[str, Value]
+) -> None:
+    """CVODE at rtol 1e-9 goes on from the same settled state for ten revolutions; the last two are compared."""
+    found = compared(pump, BENCH, condition, health, changes, settle_revolutions=30)
+    for name in ("discharge_pressure_bar", "case_pressure_bar", "case_flow_lpm", "discharge_flow_lpm"):
+        assert found.error(name) < 1e-3, (name, found)
+    assert found.error("discharge_order_n_bar") < 0.02, found
+    # some millibars; the step of 60 us reaches 2.9 %, one of 40 us 1.5 %
+    assert found.error("case_order_n_bar") < 0.03, found
 
 
 def test_error_falls_with_the_step_at_first_and_second_order() -> None:
-    """One revolution from one state: the pressure error against 1 us; extrapolation raises the order."""
+    """One revolution from one settled state against steps of 0.5 us: the cycle mean of case flow."""
     condition = Condition(4600, 50, 0.5, 10.0)
-    row = input_rows([condition], [Health()])[0]
-    scene = scene_of(PUMP, BENCH, row, 0.0)
-    period = 2 * math.pi / scene.omega
+    settled = steady_run(PUMP, condition, BENCH, settle_revolutions=20, keep_states=True).states[-1]
+    period = 60.0 / 4600
 
-    def final(dt: float, extrapolate: bool) -> np.ndarray:
-        y = initial_state(PUMP, BENCH, row, 0.0)
-        n_steps = round(period / dt)
-        out, means = np.empty((1, len(y))), np.empty(len(MEANS))
-        done = run_loop(
-            PUMP, BENCH, scene, y, N, period / n_steps, n_steps, 1, n_steps, extrapolate, np.ones((N, 2)), out, means
-        )
-        assert done == n_steps
-        return y[N : N + 2]
+    def case_flow(step: float, extrapolate: bool) -> float:
+        run = simulate(
+            PUMP, BENCH, Scenario(period, condition), step_s=step, extrapolate=extrapolate, initial_state=settled
+        )  # fmt: skip
+        return run.mean("case_flow_lpm")
 
-    truth = final(0.5e-6, True)
-    plain = [float(np.abs(final(dt, False) - truth).max()) for dt in (40e-6, 20e-6, 10e-6, 5e-6)]
-    better = [float(np.abs(final(dt, True) - truth).max()) for dt in (40e-6, 20e-6, 10e-6, 5e-6)]
-    assert np.log2(plain[0] / plain[-1]) / 3 == pytest.approx(1.0, abs=0.4)
-    assert better[0] < plain[0] / 3
-    assert np.log2(better[0] / better[-1]) / 3 > 1.2
+    truth = case_flow(0.5e-6, True)
+    steps = (80e-6, 40e-6, 20e-6, 10e-6, 5e-6)
+    plain = [abs(case_flow(step, False) - truth) for step in steps]
+    better = [abs(case_flow(step, True) - truth) for step in steps]
+    assert np.log2(plain[0] / plain[-1]) / 4 == pytest.approx(1.0, abs=0.3)
+    assert np.log2(better[0] / better[-1]) / 4 > 1.4
+    assert all(b < p for b, p in zip(better, plain, strict=True))
 
 
-@pytest.mark.parametrize("circuit", [BENCH, SEPARATE], ids=["shared return", "separate drain"])
-def test_mass_is_conserved(circuit) -> None:  # type: ignore[no-untyped-def]
-    """What enters leaves or is stored, over a run with plain steps: 1e-6 of throughput."""
-    condition = Condition(4600, 60, 0.3, 12.0)
-    row = input_rows([condition], [Health(system_leakage_lpm=0.5)])[0]
-    scene = scene_of(PUMP, circuit, row, 0.0)
-    y = initial_state(PUMP, circuit, row, 0.0)
-    before = stored(y, 0.0, scene)
-    n_steps, dt = 2000, 20e-6
-    out, means = np.empty((1, len(y))), np.empty(len(MEANS))
-    run_loop(PUMP, circuit, scene, y, N, dt, n_steps, n_steps, n_steps, False, np.ones((N, 2)), out, means)
-    after = stored(y, scene.omega * dt * n_steps, scene)
-    drain, returned, drawn = means[6], means[7], means[8]
-    leaving = returned + (0.0 if circuit is BENCH else drain)
-    balance = drawn - leaving - (after - before) / (n_steps * dt)
-    # the moving tilt stores fluid in control volume and case by equal and opposite amounts
-    assert abs(balance) / drawn < 1e-6
-
-
-def stored(y: np.ndarray, theta: float, scene) -> float:  # type: ignore[no-untyped-def]
-    """Fluid in all volumes, counted at ambient density [m3]."""
-
-    def w(P: float) -> float:
-        return relative_density(P - P_ATMOSPHERE, scene.B_0, scene.B_gain)
-
-    t, t_max = math.tan(y[N + ALPHA]), math.tan(PUMP.swashplate.alpha_max)
-    chambers = sum(
-        w(y[k]) * chamber_volume(PUMP.piston, t_max, t, math.cos(theta + 2 * math.pi * k / N)) for k in range(N)
-    )
-    volumes = PUMP.volumes
+def stored(pump: Pump, y: np.ndarray, T: float) -> float:
+    """Fluid in all volumes, counted at ambient density, less what moving slippers have pushed into the case [m3]."""
+    medium = medium_of(pump.fluid, T)
+    t, t_max = math.tan(y[ALPHA]), math.tan(pump.swashplate.alpha_max)
+    A = 0.25 * math.pi * pump.piston.d_p**2
+    S = pump.slipper.balance * A
+    volumes = pump.volumes
     fixed = (volumes.discharge, volumes.case, volumes.return_line, volumes.control)
-    return chambers + sum(w(P) * V for P, V in zip(y[N : N + 4], fixed, strict=True))
+    total = sum(relative_density(medium, P) * V for P, V in zip(y[:4], fixed, strict=True))
+    for k in range(N):
+        c = math.cos(y[THETA] + 2 * math.pi * k / N)
+        V = chamber_volume(pump.piston, t_max, t, c)
+        if pump.slipper.variable > 0.5:
+            h = y[N_SHARED + 2 * N + k]
+            lift = h * math.sqrt(1 + t * t)
+            V -= A * lift
+            total += relative_density(medium, y[N_SHARED + N + k]) * (pump.slipper.V_pocket + S * h)
+            total -= S * h - A * (lift - pump.piston.R * t * c)
+        total += relative_density(medium, y[N_SHARED + k]) * V
+    return total
+
+
+LOAD_STEP: dict[str, Value] = {"load_conductance_lpm_per_sqrt_bar": Schedule((0.02, 0.025), (2.2, 0.0))}
+
+
+@pytest.mark.parametrize(
+    ("pump", "circuit", "changes", "tolerance"),
+    [
+        (PUMP, BENCH, {}, 1e-6),
+        (PUMP, SEPARATE, {"system_leakage_lpm": 0.5}, 1e-6),
+        (PUMP, BENCH, LOAD_STEP, 1e-6),
+        (LIFTED, BENCH, {}, 1e-6),
+    ],
+    ids=["shared return", "separate drain, leaking", "load step", "lifted"],
+)
+def test_mass_is_conserved(pump: Pump, circuit: Circuit, changes: dict[str, Value], tolerance: float) -> None:
+    """What enters leaves or is stored, to 1e-6 of throughput, steady or not."""
+    T = 60.0
+    run = simulate(pump, circuit, Scenario(0.06, Condition(4600, T, 0.3), changes=changes), keep_states=True)
+    assert run.status.ok
+    before, after = (stored(pump, y, T + KELVIN_AT_0_DEGC) for y in (run.states[0], run.states[-1]))
+    flows = {name: run.recording[f"{name}_lpm"][1:] * LPM for name in ("suction_flow", "return_flow")}
+    step = np.diff(run.recording.time_s)
+    # the circuit's leak ends in the return line
+    leaving = flows["return_flow"]
+    if circuit is SEPARATE:
+        leaving = leaving + run.recording["case_flow_lpm"][1:] * LPM
+    entered = float(np.sum(flows["suction_flow"] * step))
+    balance = entered - float(np.sum(leaving * step)) - (after - before)
+    assert abs(balance) < tolerance * float(np.sum(np.abs(flows["suction_flow"]) * step))
+
+
+@pytest.mark.parametrize("flow", [0.0, 15.0])
+def test_shaft_power_is_hydraulic_power_and_named_losses(flow: float) -> None:
+    """In steady state within 0.1 % (0.5 % asked), every loss by name; the ports throttle while chambers fill."""
+    condition = Condition(4600, 50, 0.2, flow)
+    settled = steady_run(PUMP, condition, BENCH, settle_revolutions=120, keep_states=True).states[-1]
+    scenario = Scenario(4 * 60.0 / 4600, condition)
+    run = simulate(PUMP, BENCH, scenario, step_s=2e-6, keep_states=True, initial_state=settled)
+    powers = power_balance(PUMP, BENCH, scenario.table(N)[1][0], run.states)
+    assert abs(powers["unexplained"]) < 0.001 * powers["shaft"], powers
+    # the pistons drag fluid along their bores against the pressure: that is work, not loss
+    assert all(powers[name] >= 0.0 for name in powers if name not in ("unexplained", "pistons"))
+    delivered = run.mean("discharge_pressure_bar") * BAR * flow * LPM
+    assert powers["discharge"] == pytest.approx(delivered, rel=0.01, abs=1e-9)
+    shaft = run.mean("shaft_torque_nm", 4) * condition.speed_rpm * RAD_PER_S_PER_RPM
+    assert powers["shaft"] == pytest.approx(shaft, rel=0.002)
 
 
 def test_operating_point_meets_the_transient_mean() -> None:
-    """The fast twin against the slow one, over conditions and health.
+    """The fast twin against the slow one, over random conditions and health, as the committed study has it.
 
-    Measured over 60 conditions on the day of writing: at most 0.27 bar of discharge pressure (0.09 bar in the mean),
-    0.014 bar of case pressure, 1.9 % of case flow.
+    ``benchmarks/results/operating_point.json`` holds 200 conditions: 0.08 bar in the median, 0.75 at most, which are
+    slow, hot pumps with a soft valve. Here: speeds from 3000 rpm.
     """
     rng = np.random.default_rng(21)
-    for _ in range(12):
-        condition = Condition(rng.uniform(2500, 5500), rng.uniform(25, 85), rng.uniform(0, 1.5), rng.uniform(0, 12))
-        health = Health(
-            pump_leakage_scale=rng.uniform(0.6, 2.0),
-            system_leakage_lpm=rng.uniform(0, 1.0),
-            drain_resistance_scale=rng.uniform(0.8, 1.4),
-            pressure_setting_change_bar=rng.uniform(-3, 3),
+    scenarios = [
+        Scenario(
+            60.0 / speed * 124,
+            Condition(speed, rng.uniform(25, 85), rng.uniform(0, 1.5), rng.uniform(0, 12)),
+            Health(
+                pump_leakage_scale=rng.uniform(0.6, 2.0),
+                system_leakage_lpm=rng.uniform(0, 1.0),
+                drain_resistance_scale=rng.uniform(0.8, 1.4),
+                pressure_setting_change_bar=rng.uniform(-3, 3),
+            ),
         )
-        run = steady_run(PUMP, condition, BENCH, health, settle_revolutions=120)
-        point = operating_point(PUMP, condition, BENCH, health)
-        assert run.status == RUN_OK
-        for name, tolerance in (("discharge_pressure_bar", 0.35), ("case_pressure_bar", 0.02)):
-            assert float(point.value(name)[0]) == pytest.approx(run.means[name], abs=tolerance), (condition, health)
-        assert float(point.value("case_flow_lpm")[0]) == pytest.approx(run.means["case_flow_lpm"], rel=0.025)
-
-
-def test_hydraulic_power_is_flow_times_pressure_plus_leakage() -> None:
-    condition = Condition(4600, 50, 0.0, 15.0)
-    run = steady_run(PUMP, condition, BENCH, settle_revolutions=120)
-    means = run.means
-    shaft = means["shaft_torque_nm"] * condition.speed_rpm * math.pi / 30
-    delivered = means["discharge_pressure_bar"] * BAR * 15.0 * LPM
-    leaked = means["case_flow_lpm"] * LPM * means["discharge_pressure_bar"] * BAR
-    # every leak throttles from discharge to case; commutation throttles a little more
-    assert shaft == pytest.approx(delivered + leaked, rel=0.03)
-    assert shaft > delivered + 0.9 * leaked
+        for speed in rng.uniform(3000, 5500, 16)
+    ]
+    for scenario, run in zip(scenarios, simulate_batch(PUMP, BENCH, scenarios), strict=True):
+        assert isinstance(run, Run)
+        point = operating_point(PUMP, scenario.condition, BENCH, scenario.health)
+        for name, tolerance in (("discharge_pressure_bar", 0.25), ("case_pressure_bar", 0.015)):
+            assert float(point.value(name)[0]) == pytest.approx(run.mean(name, 4), abs=tolerance), scenario
+        flow = run.mean("case_flow_lpm", 4)
+        assert float(point.value("case_flow_lpm")[0]) == pytest.approx(flow, rel=0.012), scenario
 
 
 def test_uneven_wear_draws_a_line_at_once_per_revolution() -> None:
-    condition = Condition(4600, 50)
-    uneven = np.ones(N)
-    uneven[0] = 5.0
     lines = []
-    for scales in (np.ones(N), uneven, np.full(N, 1.0 + 4.0 / N)):
-        run = steady_run(PUMP, condition, BENCH, settle_revolutions=60, mean_revolutions=4, slipper_scales=scales)
-        per = round(2 * math.pi / (4600 * math.pi / 30) / (run.time_s[1] - run.time_s[0]))
-        lines.append(order(run.states[-4 * per :, N], 4) / BAR)
+    uneven: dict[str, Value] = {"slipper_gap_scale[1]": 1.7}
+    # the same leakage spread over all: (8 + 1.7^3) / 9
+    even: dict[str, Value] = {"slipper_gap_scale": ((8 + 1.7**3) / 9) ** (1 / 3)}
+    for changes in ({}, uneven, even):
+        run = steady_run(
+            PUMP, Condition(4600, 50), BENCH, changes=changes, settle_revolutions=60, keep_states=True
+        )  # fmt: skip
+        per = round(len(run.states) / 64)
+        lines.append(order_amplitude(run.states[-4 * per :, P_D], 4) / BAR)
     healthy, one_worn, all_worn = lines
     assert one_worn > 0.02
     assert max(healthy, all_worn) < 0.1 * one_worn
+
+
+class TestRuns:
+    def test_a_stream_of_pieces_is_the_run_in_memory(self) -> None:
+        scenario = Scenario(0.03, Condition(4600, 50), changes=LOAD_STEP)
+        whole = simulate(PUMP, BENCH, scenario, sample_rate_hz=10_000)
+        again = simulate(PUMP, BENCH, scenario, sample_rate_hz=10_000, piece_s=0.004)
+        assert len(whole.recording) == 300
+        for name in whole.recording.channels:
+            assert again.recording[name] == pytest.approx(whole.recording[name], rel=1e-9, abs=1e-9), name
+
+    def test_adaptive_steps_agree_with_fixed_ones(self) -> None:
+        scenario = Scenario(0.1, Condition(4600, 60, 0.1), changes=LOAD_STEP)
+        fixed = simulate(PUMP, BENCH, scenario, sample_rate_hz=2_000)
+        adaptive = simulate(PUMP, BENCH, scenario, sample_rate_hz=2_000, adaptive=True)
+        assert adaptive.status.ok
+        difference = fixed.recording["discharge_pressure_bar"] - adaptive.recording["discharge_pressure_bar"]
+        assert np.abs(difference).max() < 1.0
+
+    def test_a_run_that_runs_dry_keeps_what_it_computed(self) -> None:
+        scenario = Scenario(
+            0.5, Condition(4600, 50), changes={"discharge_flow_lpm": Schedule((0.05, 0.06), (5.0, 60.0))}
+        )
+        run = simulate(PUMP, BENCH, scenario, sample_rate_hz=1_000)
+        assert not run.status.ok
+        assert run.status.worst_state == "discharge pressure"
+        assert "give the load as an opening" in run.status.advice
+        assert 50 < len(run.recording) < 500
+        assert np.isfinite(run.recording["case_pressure_bar"]).all()
+
+    def test_all_faults_of_a_call_come_in_one_message(self) -> None:
+        scenario = Scenario(-1.0, Condition(float("nan"), 50), changes={"slipper_gap_scale[12]": 1.0, "spoon": 1.0})
+        with pytest.raises(ValueError, match="step_s") as caught:
+            simulate(PUMP, BENCH, scenario, step_s=1.0, sample_rate_hz=0.0)
+        for fault in ("sample_rate_hz", "duration_s", "speed_rpm", "pistons 1 to 9", "'spoon'"):
+            assert fault in str(caught.value)
+        with pytest.raises(ValueError, match="ask for less flow"):
+            steady_run(PUMP, Condition(4600, 50, 0.0, 60.0), BENCH)
+
+    def test_one_bad_scenario_of_a_batch_costs_no_neighbour(self) -> None:
+        good = Scenario(0.01, Condition(4600, 50))
+        first, second, third = simulate_batch(PUMP, BENCH, [good, Scenario(0.01, Condition(-1, 50)), good])
+        assert isinstance(first, Run)
+        assert isinstance(second, ValueError)
+        assert isinstance(third, Run)
+        assert first.mean("case_flow_lpm", 1) != 0.0 if len(first.means["end_s"]) else True
+        assert (first.recording["case_pressure_bar"] == third.recording["case_pressure_bar"]).all()
+
+    @pytest.mark.parametrize("n", [5, 8, 11, 13])
+    def test_any_number_of_pistons(self, n: int) -> None:
+        pump = PUMP._replace(piston=PUMP.piston._replace(n=float(n)))
+        run = steady_run(pump, Condition(4600, 50, 0.5, 5.0), BENCH, settle_revolutions=40, keep_states=True)
+        assert run.status.ok
+        assert run.states.shape[1] == n + N_SHARED
+        assert run.mean("discharge_pressure_bar") == pytest.approx(173.5, abs=3.0)
+
+    def test_a_drive_that_gives_way_loses_speed_under_load(self) -> None:
+        soft = PUMP._replace(drive=PUMP.drive._replace(J=0.05))
+        changes: dict[str, Value] = {"load_conductance_lpm_per_sqrt_bar": Schedule((0.1, 0.105), (0.0, 2.2))}
+        run = simulate(soft, BENCH, Scenario(0.6, Condition(4600, 50), changes=changes), sample_rate_hz=1_000)
+        # figure 3-16: about 150 rpm under a load step
+        assert 4600 - run.recording["shaft_speed_rpm"][-1] == pytest.approx(170, abs=60)
 
 
 class TestParts:
@@ -214,21 +285,8 @@ class TestParts:
     def test_line_conductances_invert_their_laws(self, Q: float) -> None:
         k_inf, K = 0.00206 * BAR / LPM**2, 22.8 * LPM
         dP = return_pressure_drop(Q, k_inf, K, 1.0)
-        assert return_conductance(dP, k_inf, K, 1.0) * dP == pytest.approx(Q, rel=1e-9)
+        # below a millipascal the line counts as laminar
+        assert return_conductance(dP, k_inf, K, 1.0) * dP == pytest.approx(Q, rel=1e-6)
         k_c = 0.29 * BAR / LPM
         dP = drain_pressure_drop(Q, k_c, 0.2, 0.5, 1.3, LPM)
         assert drain_conductance(dP, k_c * (0.2 * 1.3 + 0.3), k_c * 0.5 / LPM) * dP == pytest.approx(Q, rel=1e-9)
-
-    def test_any_number_of_pistons(self) -> None:
-        for n in (5, 8, 11, 13):
-            pump = PUMP._replace(piston=PUMP.piston._replace(n=float(n)))
-            run = steady_run(pump, Condition(4600, 50, 0.5, 5.0), BENCH, settle_revolutions=40)
-            assert run.status == RUN_OK
-            assert run.states.shape[1] == n + N_SHARED
-            assert run.means["discharge_pressure_bar"] == pytest.approx(173.5, abs=3.0)
-
-    def test_wrong_scales_and_impossible_demands_are_said(self) -> None:
-        with pytest.raises(ValueError, match=r"shape \(9,\)"):
-            steady_run(PUMP, Condition(4600, 50), BENCH, slipper_scales=np.ones(3))
-        with pytest.raises(ValueError, match="ask for less flow"):
-            steady_run(PUMP, Condition(4600, 50, 0.0, 60.0), BENCH)

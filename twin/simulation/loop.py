@@ -32,11 +32,11 @@ Matrix = NDArray[np.float64]
 
 RUNNING, DIVERGED, CAVITATED, STEP_TOO_SHORT = 0, 1, 2, 3
 N_SAMPLE = N_SHARED + N_FLOWS
-"""A sample: shared states, then the flows of the step that ended there."""
+"""A sample: shared states, then the means of the flows since the sample before."""
 N_MEAN = 5 + N_FLOWS
 """A mean: P_d, P_c, P_i, P_ctrl, tilt, then the flows."""
-_CAVITY = 0.5e5
-"""A shared volume this far below vapour [Pa] is starved: what it should deliver is not there."""
+_CAVITY = 1.0e3
+"""A shared volume this far below ``P_FLOOR`` [Pa] is starved: what it should deliver is not there."""
 _SHORTEST = 0.2e-6
 _BLOW_STEP = 1.0e-6
 """Step while a slipper slams down on the plate [s]."""
@@ -262,8 +262,10 @@ def run_loop(
     whole = 2.0 * math.pi
     lifted = pump.slipper.variable > 0.5
     pieces_left, step = 0, dt
+    through = np.empty(N_FLOWS)
     for i in range(n_steps):
         end = start + (i + 1) * interval
+        through[:] = 0.0
         j = 0
         while True:
             left = end - time
@@ -314,6 +316,8 @@ def run_loop(
             if y[P_D] < P_FLOOR - _CAVITY or y[P_D + 1] < P_FLOOR - _CAVITY:
                 revolution[0] = time
                 return CAVITATED
+            for k in range(N_FLOWS):
+                through[k] += step / interval * flows[k]
             _average(y, n, time, step, flows, revolution, means, counts)
             if y[THETA] >= whole - _ROUNDING:
                 y[THETA] -= whole
@@ -321,7 +325,7 @@ def run_loop(
         if not adaptive:
             time = start + (i + 1) * interval
         samples[i, :N_SHARED] = y[:N_SHARED]
-        samples[i, N_SHARED:] = flows
+        samples[i, N_SHARED:] = through
         if keep.shape[0] > i:
             keep[i, :] = y
     return RUNNING

@@ -59,8 +59,9 @@ _BUSY_OPENING = 0.35
 """Share of the opening ramp after which a chamber has changed its pressure."""
 _QUIET_SHARE, _SLAM_SHARE, _BLOW_SHARE = 0.02, 0.2, 0.1
 """Shares of the gap that a quiet slipper may move in a step, from which on it slams, and falls towards a blow."""
-_NEAR = 0.5e-6
-"""Distance from plate or retainer at which contact is near [m]."""
+_NEAR, _AT_REST, _THIN = 0.5e-6, 0.05e-6, 5.0e-6
+"""Distance from plate or retainer at which contact is near, travel in a step of a slipper that rests there, and gap below
+which the film holds a slipper whatever strikes it [m]."""
 
 
 class Film(NamedTuple):
@@ -148,11 +149,12 @@ def choose_substeps(pump: Pump, y: Vector, n: int, dt: float, ch: Matrix) -> boo
         h, u = y[N_SHARED + 2 * n + k], y[N_SHARED + 3 * n + k]
         arm = lever(piston, h, cos_alpha, t, math.cos(angle))
         rise = dt * (cos_alpha * (u - piston.R * t * math.sin(angle) * y[OMEGA]) + arm * y[ALPHA_DOT])
-        moved = abs(rise)
-        blow = blow or -rise > _BLOW_SHARE * h
+        moved, height = abs(rise), max(h, _THIN)
+        blow = blow or -rise > _BLOW_SHARE * height
         near = h - moved < slipper.h_min + _NEAR or h + moved > slipper.h_retainer - _NEAR
-        slams = moved > _SLAM_SHARE * h or delayed < last or delayed > first + math.pi
-        busy = near or since < last or since > first or moved > _QUIET_SHARE * h
+        near = near and moved > _AT_REST
+        slams = moved > _SLAM_SHARE * height or delayed < last or delayed > first + math.pi
+        busy = near or since < last or since > first or moved > _QUIET_SHARE * height
         ch[k, SUBSTEPS] = most if slams else (many if busy else 1.0)
     return blow
 
@@ -312,6 +314,7 @@ def update_lifted(
     P_d, P_c, w_new = b[0], b[1], b[5]
     A_p = 0.25 * math.pi * piston.d_p**2
     S_back = scene.S_eq + (1.0 - slipper.pumped_repair) * (scene.A_outer - scene.S_eq)
+    t = math.tan(y[ALPHA])
     to_discharge = leaked = power = drawn = slipped = 0.0
     for k in range(n):
         row, i = ch[k], N_SHARED + k
@@ -319,7 +322,7 @@ def update_lifted(
         q_t, q_r = _at(row, _THROTTLED, P_d, P_c, w_new), _at(row, _RING, P_d, P_c, w_new)
         q_h = _at(row, _LAND, P_d, P_c, w_new)
         pocket = relative_density(scene.medium, y[i + n]) * (slipper.V_pocket + scene.S_eq * y[i + 2 * n])
-        h = _at(row, _H, P_d, P_c, w_new)
+        h_old, h = y[i + 2 * n], _at(row, _H, P_d, P_c, w_new)
         mass = row[MASS] + dt * (q_s - q_d - q_t - q_r)
         row[MASS] = mass
         pocket += dt * (q_t - q_h)
@@ -328,9 +331,12 @@ def update_lifted(
         y[i] = pressure(scene.medium, mass / lifted_volume(piston, scene.t_max, t_new, row[_COS_NEW], h), P)
         y[i + n] = pressure(scene.medium, pocket / (slipper.V_pocket + scene.S_eq * h), P_p)
         y[i + 2 * n], y[i + 3 * n] = h, _at(row, _U, P_d, P_c, w_new)
-        lifting, speed = _at(row, _LIFT, P_d, P_c, w_new), _at(row, _SPEED, P_d, P_c, w_new)
+        # what slipper and piston displace in the case, from where they stand: the chamber's volume is told likewise
+        rise = h - h_old
+        stroke = h * math.sqrt(1.0 + t_new * t_new) - h_old * math.sqrt(1.0 + t * t)
+        stroke -= piston.R * (t_new * row[_COS_NEW] - t * row[COS])
         to_discharge += q_d
-        leaked += q_h + q_r + S_back * lifting - A_p * speed
+        leaked += q_h + q_r + (S_back * rise - A_p * stroke) / dt
         drawn += q_s
         slipped += q_h
         power += _at(row, _WORK, P_d, P_c, w_new)

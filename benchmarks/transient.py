@@ -1,0 +1,69 @@
+"""Speed of the transient pump beside CVODE and SciPy's LSODA on the same compiled right-hand side, and a batch.
+
+``python -m benchmarks.transient`` prints a table and writes ``benchmarks/results/transient.json``.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.referee import cvode, lsoda, problem
+from twin.condition import Condition, Health
+from twin.pumps import circuit_parameters, pump_type
+from twin.simulation.run import simulate, simulate_batch, steady_run
+from twin.simulation.scenario import Scenario
+
+RESULTS = Path(__file__).parent / "results"
+_CONDITION = Condition(4600, 50, 0.5, 10.0)
+
+
+def seconds(work: Callable[[], object]) -> float:
+    """Median wall time of five goes [s]."""
+    spent = []
+    for _ in range(5):
+        begun = time.perf_counter()
+        work()
+        spent.append(time.perf_counter() - begun)
+    return float(np.median(spent))
+
+
+def side_by_side() -> dict[str, float]:
+    """Times real time on one core, each method its own tolerance or step, constant and variable gaps."""
+    pump, bench = pump_type("h225").pump, circuit_parameters("shared_return")
+    lifted = pump._replace(slipper=pump.slipper._replace(variable=1.0))
+    found: dict[str, float] = {}
+    for name, kind, length in (("constant gaps", pump, 1.0), ("variable gaps", lifted, 0.2)):
+        scenario = Scenario(length, _CONDITION)
+        simulate(kind, bench, scenario)
+        found[f"own stepper, {name}"] = length / seconds(lambda k=kind, s=scenario: simulate(k, bench, s))  # type: ignore[misc]
+        start = steady_run(kind, _CONDITION, bench, settle_revolutions=20, keep_states=True).states[-1]
+        p = problem(kind, bench, _CONDITION, Health())
+        short = np.array([0.0, 0.01])
+        for other, method, rtol in (("CVODE", cvode, 1e-6), ("CVODE", cvode, 1e-9), ("LSODA", lsoda, 1e-6)):
+            begun = time.perf_counter()
+            method(p, start, short, rtol)
+            found[f"{other} at rtol {rtol:g}, {name}"] = short[1] / (time.perf_counter() - begun)
+    return found
+
+
+def batch() -> float:
+    """Runs of 0.15 s per second on all cores."""
+    pump, bench = pump_type("h225").pump, circuit_parameters("shared_return")
+    rng = np.random.default_rng(1)
+    scenarios = [Scenario(0.15, Condition(4600, rng.uniform(30, 90), 0.5, rng.uniform(0, 20))) for _ in range(200)]
+    return len(scenarios) / seconds(lambda: simulate_batch(pump, bench, scenarios))
+
+
+def main() -> None:
+    """Measure, print, keep."""
+    found = {"times real time": side_by_side(), "runs of 0.15 s per second in a batch": batch()}
+    RESULTS.mkdir(exist_ok=True)
+    (RESULTS / "transient.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    print(json.dumps(found, indent=1))
+
+
+if __name__ == "__main__":
+    main()
