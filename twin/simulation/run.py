@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.condition import Condition, Health
+from twin.geometry import geometry_faults
 from twin.parameters import Circuit, Pump
 from twin.recording import Recording
 from twin.simulation.layout import ALPHA, N_SHARED, P_C, P_D, THETA, state_name
@@ -168,8 +169,8 @@ def pieces(
     ValueError
         naming every fault of the scenario, the step or the rate; or when there is no operating point to start from.
     """
-    n = int(pump.piston.n)
-    faults = []
+    faults = geometry_faults(pump)
+    n = int(pump.piston.n) if not faults else 9
     low, high = STEP_RANGE_S
     if step_s is not None and not (math.isfinite(step_s) and low <= step_s <= high):
         faults.append(f"step_s = {step_s:g} (allowed: {low:g} to {high:g} s)")
