@@ -30,12 +30,13 @@ def geometry_faults(pump: Pump) -> list[str]:
         "slipper.h": slipper.h,
         "slipper.h_min": slipper.h_min,
         "port_plate.h": plate.h,
-        "compensator.c_spool": comp.c_spool,
         "compensator.c_edge": comp.c_edge,
         "servo.b_stroke": servo.b_stroke,
         "servo.b_rate": servo.b_rate,
     }
     faults += [f"{name} = {gap * _UM:g} um (must be above 0)" for name, gap in gaps.items() if not gap > 0.0]
+    if comp.c_spool < 0.0:
+        faults.append(f"compensator.c_spool = {comp.c_spool * _UM:g} um (0 for a tight spool, or above)")
     lengths = {"piston.d_p": piston.d_p, "piston.R": piston.R, "piston.l_mean": piston.l_mean, "piston.m": piston.m}
     lengths |= {"slipper.d_throttle": slipper.d_throttle, "compensator.A_spool": comp.A_spool}
     lengths |= {f"volumes.{name}": value for name, value in pump.volumes._asdict().items()}
