@@ -88,12 +88,9 @@ def port(plate: PortPlate, delayed: float, P: float, P_d: float, P_s: float, rho
 
 
 @inlined
-def ports(pump: Pump, scene: Scene, y: Vector, n: int, ahead: float, ch: Matrix) -> None:
-    """Conductances of every chamber to discharge and suction, the shaft being ``ahead`` [rad] of the state.
-
-    A step takes the port as it stands in its middle: the area is known as a function of time.
-    """
-    delayed = (y[THETA] + ahead - pump.port_plate.phi_commutation) % (2.0 * math.pi)
+def ports(pump: Pump, scene: Scene, y: Vector, n: int, ch: Matrix) -> None:
+    """Conductances of every chamber to discharge and suction at a state; a step takes them as they stand in its middle."""
+    delayed = (y[THETA] - pump.port_plate.phi_commutation) % (2.0 * math.pi)
     for k in range(n):
         P = y[N_SHARED + k]
         ch[k, G_D], ch[k, G_S] = port(pump.port_plate, delayed, P, y[P_D], scene.P_s, scene.rho)

@@ -56,7 +56,7 @@ def _powers(
 ) -> None:
     """Add the powers of one state to ``out``, shape (len(POWERS),)."""
     s = passages(pump, circuit, scene, y, n, gaps, ch)
-    chambers.ports(pump, scene, y, n, 0.0, ch)
+    chambers.ports(pump, scene, y, n, ch)
     m, P_s = scene.medium, scene.P_s
     P_d, P_c, P_i, P_x, w, v = y[P_D], y[P_C], y[P_I], y[P_CTRL], y[ALPHA_DOT], y[V_SPOOL]
     e_d, e_c, e_x, e_s = elastic_head(m, P_d), elastic_head(m, P_c), elastic_head(m, P_x), elastic_head(m, P_s)

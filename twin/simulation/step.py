@@ -214,7 +214,7 @@ def rates(
 ) -> None:
     """Right-hand side dy/dt of the same network: for reference integrators."""
     s = passages(pump, circuit, scene, y, n, clearances, ch)
-    chambers.ports(pump, scene, y, n, 0.0, ch)
+    chambers.ports(pump, scene, y, n, ch)
     if pump.slipper.variable > 0.5:
         to_discharge, leaked, torque = slippers.lifted_rates(pump, scene, y, n, clearances, ch, dy)
     else:
