@@ -104,8 +104,12 @@ def _shown(value: float, digits: int) -> str:
 
 
 def _printed(value: float) -> str:
-    """A published number as it was typed, without zeros of our own."""
-    return f"{value:.10f}".rstrip("0").rstrip(".").replace("-", "−") if math.isfinite(value) else "–"
+    """A published number as it was typed, without zeros of our own; one that was computed as the twin's are."""
+    if not math.isfinite(value):
+        return "–"
+    text = f"{value:.10f}".rstrip("0").rstrip(".")
+    is_typed = len(text.replace(".", "").lstrip("-0")) <= 6
+    return text.replace("-", "−") if is_typed else _shown(value, 4)
 
 
 def _cells(row: Row) -> dict[str, str]:
