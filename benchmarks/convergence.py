@@ -3,20 +3,17 @@
 ``python -m benchmarks.convergence`` writes ``benchmarks/results/convergence.json`` and ``.svg``.
 """
 
-import json
-from pathlib import Path
-
 import matplotlib as mpl
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+from benchmarks import RESULTS, keep
 from twin.condition import Condition
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.run import simulate, steady_run
 from twin.simulation.scenario import Scenario
 
-RESULTS = Path(__file__).parent / "results"
 STEPS_US = (80.0, 60.0, 40.0, 20.0, 10.0, 5.0)
 _NAMES = ("discharge_pressure_bar", "case_pressure_bar", "case_flow_lpm")
 
@@ -44,9 +41,7 @@ def study() -> dict[str, dict[str, list[float]]]:
 def main() -> None:
     """Measure, draw, keep."""
     found = study()
-    RESULTS.mkdir(exist_ok=True)
     kept = {"step_us": list(STEPS_US), **found}
-    (RESULTS / "convergence.json").write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     figure, axis = plt.subplots(figsize=(6.4, 4.4), layout="constrained")
     for label, style in (("plain", "--"), ("extrapolated", "-")):
         for name, marker in zip(_NAMES, "osv", strict=True):
@@ -57,7 +52,7 @@ def main() -> None:
     axis.grid(visible=True, which="both", alpha=0.3)
     axis.legend(fontsize=8)
     figure.savefig(RESULTS / "convergence.svg", metadata={"Date": None})
-    print(json.dumps(kept, indent=1))
+    keep("convergence", kept)
 
 
 if __name__ == "__main__":

@@ -3,19 +3,17 @@
 ``python -m benchmarks.operating_point`` writes ``benchmarks/results/operating_point.json``.
 """
 
-import json
 import time
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks import keep
 from twin.condition import Condition, Health, input_rows
 from twin.operating_point import operating_point, operating_points
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.run import Run, simulate_batch
 from twin.simulation.scenario import Scenario
 
-RESULTS = Path(__file__).parent / "results"
 N_CONDITIONS = 200
 _SETTLE, _MEAN = 120, 4
 
@@ -83,9 +81,7 @@ def prices() -> dict[str, float]:
 def main() -> None:
     """Measure, print, keep."""
     found = {"differences": differences(), "microseconds a point": prices()}
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "operating_point.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    print(json.dumps(found, indent=1))
+    keep("operating_point", found)
 
 
 if __name__ == "__main__":

@@ -3,20 +3,18 @@
 ``python -m benchmarks.transient`` prints a table and writes ``benchmarks/results/transient.json``.
 """
 
-import json
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks import keep
 from benchmarks.referee import cvode, lsoda, problem
 from twin.condition import Condition, Health
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.run import simulate, simulate_batch, steady_run
 from twin.simulation.scenario import Scenario
 
-RESULTS = Path(__file__).parent / "results"
 _CONDITION = Condition(4600, 50, 0.5, 10.0)
 
 
@@ -60,9 +58,7 @@ def batch() -> float:
 def main() -> None:
     """Measure, print, keep."""
     found = {"times real time": side_by_side(), "runs of 0.15 s per second in a batch": batch()}
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "transient.json").write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    print(json.dumps(found, indent=1))
+    keep("transient", found)
 
 
 if __name__ == "__main__":

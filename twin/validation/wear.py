@@ -38,6 +38,7 @@ _CHOSEN = {
     "case_pressure_bar": "viscosity and pitch circle chosen to meet flow and pressure of the operating point",
     "case_minus_return_bar": "follows from the case flow by the bench's k_c",
 }
+_SOLVED = ("discharge_pressure_bar", "discharge_flow_lpm", "case_flow_lpm", "case_pressure_bar", "return_pressure_bar")
 
 
 def wear_pump() -> Pump:
@@ -56,14 +57,7 @@ def steady_point(increase: float) -> dict[str, float]:
     k_d = LOAD_BAR_PER_LPM2 * SI_PER_UNIT["bar/(L/min)^2"]
     health = Health(piston_leakage_scale=scale)
     point = operating_point(wear_pump(), _CONDITION, circuit_parameters("shared_return"), health, load_coefficient=k_d)
-    names = (
-        "discharge_pressure_bar",
-        "discharge_flow_lpm",
-        "case_flow_lpm",
-        "case_pressure_bar",
-        "return_pressure_bar",
-    )
-    return _with_difference({name: float(point.value(name)[0]) for name in (*names, "piston_leakage_lpm")})
+    return _with_difference({name: float(point.value(name)[0]) for name in (*_SOLVED, "piston_leakage_lpm")})
 
 
 def transient_means(increase: float) -> dict[str, float]:
@@ -79,14 +73,7 @@ def transient_means(increase: float) -> dict[str, float]:
     run = steady_run(wear_pump(), _CONDITION, circuit_parameters("shared_return"), changes={**changes, **load})
     if not run.status.ok:
         raise RuntimeError(run.status.advice)
-    names = (
-        "discharge_pressure_bar",
-        "discharge_flow_lpm",
-        "case_flow_lpm",
-        "case_pressure_bar",
-        "return_pressure_bar",
-    )
-    return _with_difference({name: run.mean(name, 4) for name in names})
+    return _with_difference({name: run.mean(name, 4) for name in _SOLVED})
 
 
 def wear() -> Evidence:
