@@ -1,0 +1,32 @@
+"""Tables, the same for SQLite and Postgres. Numbers that queries never look into stay in JSON columns."""
+
+from service.tables.access import ApiKey
+from service.tables.base import Base, UtcDateTime
+from service.tables.records import (
+    ANALYSED,
+    REFUSED,
+    STORED,
+    SUPERSEDED,
+    WITHDRAWN,
+    Record,
+    Refusal,
+    StoredAssessment,
+)
+from service.tables.registry import Pump
+from service.tables.thresholds import ThresholdVersion
+
+__all__ = [
+    "ANALYSED",
+    "REFUSED",
+    "STORED",
+    "SUPERSEDED",
+    "WITHDRAWN",
+    "ApiKey",
+    "Base",
+    "Pump",
+    "Record",
+    "Refusal",
+    "StoredAssessment",
+    "ThresholdVersion",
+    "UtcDateTime",
+]

@@ -1,0 +1,87 @@
+"""Uploads, what the analysis made of them, and those that were refused."""
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import ForeignKey, Index, text
+from sqlalchemy.orm import Mapped, mapped_column
+
+from service.tables.base import Base
+
+STORED = "stored"
+ANALYSED = "analysed"
+REFUSED = "refused"
+SUPERSEDED = "superseded"
+WITHDRAWN = "withdrawn"
+
+
+class Record(Base):
+    """One upload: its identity, where it belongs, and what the analysis made of it.
+
+    ``request_hash`` recognises the same request, ``identity_hash`` the same operator, bytes and effective
+    metadata. ``pump_id`` and the flight's fields are empty until the bytes are decoded. At most one record that
+    counts may stand for a flight, pump and segment.
+    """
+
+    __tablename__ = "records"
+    __table_args__ = (
+        Index("ix_records_pump_id_started_at", "pump_id", "started_at"),
+        Index(
+            "uq_records_flight",
+            "pump_id",
+            "flight_id",
+            "segment",
+            unique=True,
+            sqlite_where=text("status = 'analysed'"),
+            postgresql_where=text("status = 'analysed'"),
+        ),
+        Index("ix_records_status", "status"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    pump_id: Mapped[int | None] = mapped_column(ForeignKey("pumps.id"))
+    aircraft: Mapped[str | None]
+    position: Mapped[str | None]
+    flight_id: Mapped[str | None]
+    segment: Mapped[str] = mapped_column(default="")
+    started_at: Mapped[datetime | None]
+    flight_hours: Mapped[float | None]
+    status: Mapped[str]
+    problem: Mapped[dict[str, Any] | None]
+    request: Mapped[dict[str, Any]]
+    attributes: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    content_hash: Mapped[str]
+    content_type: Mapped[str]
+    request_hash: Mapped[str] = mapped_column(index=True)
+    identity_hash: Mapped[str | None] = mapped_column(unique=True)
+    supersedes: Mapped[str | None]
+    received_at: Mapped[datetime]
+    reduction: Mapped[dict[str, Any] | None]
+    residuals: Mapped[dict[str, Any] | None]
+
+
+class StoredAssessment(Base):
+    """The fold's answer right after one record; rewritten when an earlier record arrives late."""
+
+    __tablename__ = "assessments"
+    __table_args__ = (Index("ix_assessments_pump_id_at", "pump_id", "at"),)
+
+    record_id: Mapped[str] = mapped_column(ForeignKey("records.id"), primary_key=True)
+    pump_id: Mapped[int] = mapped_column(ForeignKey("pumps.id"))
+    at: Mapped[datetime]
+    state: Mapped[str]
+    trend: Mapped[dict[str, Any]]
+    verdict: Mapped[dict[str, Any]]
+
+
+class Refusal(Base):
+    """The fact that an upload was refused, and why; its bytes are not kept."""
+
+    __tablename__ = "refusals"
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    content_hash: Mapped[str]
+    received_at: Mapped[datetime] = mapped_column(index=True)
+    problem: Mapped[dict[str, Any]]
