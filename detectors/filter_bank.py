@@ -1,197 +1,263 @@
-"""A bank of extended Kalman filters, one per hypothesis and onset, all with the twin inside.
+"""A bank of extended Kalman filters, one per hypothesis, shape and onset, all with the twin inside.
 
 Each filter keeps its own state, its own robust weights and its own evidence: weights taken from a common healthy
 filter would kill the very evidence that a fault brings. Predictive densities are Student-t (5 degrees of
 freedom), so that one outlier costs a hypothesis a bounded amount.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
 
-from detectors.state_model import FAULT, FAULT_KINDS, INDEX, Scene, predicted, prior, walk_variance
-from twin.parameters import Circuit, PumpType
+from detectors.components import INDEX, N_COMPONENTS
+from detectors.filter_kernel import advance, log_weights, step
+from detectors.state_model import (
+    AMPLITUDE,
+    FAULT_KINDS,
+    MEASURED_RESERVOIR_SD_BAR,
+    N_KINDS,
+    N_STATE,
+    RATE,
+    UNMEASURED_RESERVOIR_WALK_BAR,
+    directions,
+    kind_scales,
+    prior,
+    walk_variance,
+)
+from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-STUDENT_DEGREES = 5.0
 HEALTHY = -1
-_FIRST_RECORDS = 5
-_FIRST_ITERATIONS = 3
-_LOG_HAZARD = float(np.log(1.0e-3))
-"""Prior of one kind of fault setting in within the spacing of onset candidates (estimate: rare, not absurd)."""
-_LOG_GROWTH = float(np.log(3.0e-3))
-"""Prior of one kind of fault growing slowly at any time (estimate)."""
+STEP, RAMP, ARRIVAL = 0, 1, 2
 SPAWN_EVERY = 4
 MOST_ONSETS = 5
-_STEP_WALK = 0.03
-_GROWTH_WALK = 0.10
-"""Walk of a fault amplitude from record to record, as a share of its scale: sudden and growing faults."""
+_FIRST_RECORDS = 5
+_FIRST_ITERATIONS = 3
+_FITTED_ANEW_AT = (8, 16, 32, 64, 128, 256)
+"""Records after which the healthy pump is fitted to its whole history anew, linearised about where it stands: resistance,
+weights and flows multiply each other, and a filter that met them one by one is surer than it should be."""
+_NOWHERE = np.empty(0)
+ARRIVAL_KINDS = ("leakage, laminar", "leakage, mixed")
+ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
+"""Mean and spread of what a pump leaks on top that arrives worn: the acceptance limit lies 0.2 above the nominal pump's
+case flow, a pump twice as far gone at 2.7 L/min."""
+ARRIVAL_FLOOR_LPM = 0.5
+"""Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
+_LOG_ARRIVAL = float(np.log(0.04))
+"""Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
+LOG_HAZARD = (float(np.log(1.0e-3)), float(np.log(1.0e-3)))
+"""Prior of one kind of fault setting in, as a step or as a ramp, within the spacing of onset candidates."""
+RAMP_RECORDS = 50.0
+"""Records in which a ramp of one sigma grows by a fault's scale (estimate)."""
+_AMPLITUDE_WALK = np.array([0.01, 0.003, 0.0])
+"""Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
+_CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * 2 * MOST_ONSETS
+
+_DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
+_SCALES = np.append(kind_scales(), 0.0)
+_FLOORS = np.array([k.floor for k in FAULT_KINDS] + [0.0])
+_IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False])
+_SIGNS = np.array([k.sign for k in FAULT_KINDS])
+_WALK = walk_variance()
 
 
-@dataclass(frozen=True)
-class Bank:
-    """Filters side by side; the first is the healthy hypothesis.
-
-    Attributes
-    ----------
-    mean, covariance
-        Shapes (m, N_STATE) and (m, N_STATE, N_STATE).
-    kind
-        Index into ``FAULT_KINDS``, -1 for healthy, shape (m,).
-    onset
-        Record number at which the fault sets in; -1 for a growing one that is alive throughout, shape (m,).
-    log_evidence
-        Log of prior times product of predictive densities, shape (m,).
-    records
-        Number of records seen.
-    """
-
-    mean: Array
-    covariance: Array
-    kind: Integers
-    onset: Integers
-    log_evidence: Array
-    records: int
-
-    @property
-    def component(self) -> Integers:
-        """State component that each filter's fault moves, -1 for the healthy one, shape (m,)."""
-        table = np.array([INDEX[k.component] for k in FAULT_KINDS] + [HEALTHY])
-        return table[self.kind]
-
-    @property
-    def log_odds(self) -> Array:
-        """Log posterior weight of each filter, one-sided faults weighed by the sign they came out with, (m,)."""
-        sign = np.array([k.sign for k in FAULT_KINDS] + [0])[self.kind]
-        spread = np.sqrt(np.maximum(self.covariance[:, FAULT, FAULT], 1e-300))
-        with np.errstate(over="ignore"):
-            right = log_ndtr(self.mean[:, FAULT] / spread) + np.log(2.0)
-        return self.log_evidence + np.where(sign == 1, right, 0.0)
+def directions_of(kind: int) -> Array:
+    """What a kind of fault moves per unit of amplitude; zeros for the healthy pump (-1), shape (N_COMPONENTS,)."""
+    direction: Array = _DIRECTIONS[kind]
+    return direction
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """One record's three numbers with their noise covariance; a zero that was not measured has a huge variance."""
+    """One window's numbers with their noise.
+
+    Attributes
+    ----------
+    values, noise
+        Discharge pressure, case pressure and zero [bar], logarithm of order n, line at once per revolution [bar],
+        shape (5,), and their covariance, shape (5, 5).
+    seen
+        Which of them were measured, in rising order, shape (k,).
+    anchor, ripple
+        The nominal twin at the window's condition (``detectors.anchor``) and its order n with slopes.
+    reservoir_measured
+        False where the pump type's nominal reservoir pressure stands in for a sensor.
+    """
 
     values: Array
     noise: Array
-    scene: Scene
+    seen: Integers
+    anchor: Array
+    ripple: Array
+    reservoir_measured: bool
 
 
-def new_bank(pump: PumpType) -> Bank:
-    """Bank of a fresh installation: the healthy pump alone, with the population's spread."""
-    mean, sd = prior(pump)
-    return Bank(mean[None, :], np.diag(sd**2)[None, :, :], np.array([HEALTHY]), np.array([0]), np.zeros(1), 0)
+@dataclass(slots=True)
+class Bank:
+    """Filters side by side; the first is the healthy hypothesis. Changed in place by its methods.
 
-
-def scales() -> Array:
-    """One-sigma size of each kind of fault, healthy last, shape (len(FAULT_KINDS) + 1,)."""
-    return np.array([k.scale for k in FAULT_KINDS] + [0.0])
-
-
-def updated(bank: Bank, measurement: Measurement, pump: PumpType, circuit: Circuit) -> Bank:
-    """The bank after one more record: predict, weigh, update every filter."""
-    covariance = bank.covariance + np.diag(walk_variance())
-    share = np.where(bank.onset < 0, _GROWTH_WALK, _STEP_WALK)
-    covariance[:, FAULT, FAULT] += (share * scales()[bank.kind]) ** 2
-    iterations = _FIRST_ITERATIONS if bank.records < _FIRST_RECORDS else 1
-    point = bank.mean
-    log_density = np.zeros(len(bank.mean))
-    mean, posterior = bank.mean, covariance
-    for iteration in range(iterations):
-        y, slopes, solved = predicted(point, bank.component, measurement.scene, pump, circuit)
-        # the innovation about the prior mean, through the slopes at the current point (iterated filter)
-        innovation = measurement.values - y - np.einsum("mij,mj->mi", slopes, bank.mean - point)
-        innovation_cov = np.einsum("mij,mjk,mlk->mil", slopes, covariance, slopes) + measurement.noise
-        innovation[~solved], slopes[~solved] = 0.0, 0.0
-        innovation_cov[~solved] = np.eye(3)
-        weighted = np.linalg.solve(innovation_cov, innovation[:, :, None])[:, :, 0]
-        distance = np.einsum("mi,mi->m", innovation, weighted)
-        if iteration == 0:
-            log_density = _student_log_density(distance, innovation_cov)
-            log_density[~solved] = log_density.min(initial=0.0) - 20.0
-        inflation = np.maximum(1.0, (STUDENT_DEGREES + distance) / (STUDENT_DEGREES + 3.0))
-        robust = innovation_cov + (inflation - 1.0)[:, None, None] * measurement.noise
-        gain = np.linalg.solve(robust, np.einsum("mij,mjk->mik", slopes, covariance)).transpose(0, 2, 1)
-        mean = bank.mean + np.einsum("mij,mj->mi", gain, innovation)
-        posterior = covariance - np.einsum("mij,mjk,mlk->mil", gain, robust, gain)
-        point = mean
-    posterior = 0.5 * (posterior + posterior.transpose(0, 2, 1))
-    return replace(
-        bank,
-        mean=mean,
-        covariance=posterior,
-        log_evidence=bank.log_evidence + log_density,
-        records=bank.records + 1,
-    )
-
-
-def with_growth(bank: Bank) -> Bank:
-    """The bank with one slowly growing fault of each kind, started from the healthy posterior."""
-    return _with_faults(bank, np.full(len(FAULT_KINDS), -1), np.zeros(len(FAULT_KINDS)), _LOG_GROWTH)
-
-
-def with_onsets(bank: Bank) -> Bank:
-    """The bank with a sudden fault of each kind setting in now; the least likely old onset of a kind gives way."""
-    n = len(FAULT_KINDS)
-    grown = _with_faults(bank, np.full(n, bank.records), scales()[:n] ** 2, _LOG_HAZARD)
-    keep = np.ones(len(grown.kind), dtype=bool)
-    weight = grown.log_odds
-    for kind in range(n):
-        places = np.flatnonzero((grown.kind == kind) & (grown.onset >= 0) & (grown.onset < bank.records))
-        if len(places) >= MOST_ONSETS:
-            keep[places[np.argmin(weight[places])]] = False
-    return _subset(grown, keep)
-
-
-def with_reset(bank: Bank, components: tuple[str, ...], pump: PumpType) -> Bank:
-    """The bank after maintenance that touched ``components``: their spread is the population's again.
-
-    Faults of those components are forgotten with what they were.
+    Attributes
+    ----------
+    mean, covariance
+        Shapes (M, N_STATE) and (M, N_STATE, N_STATE); the first ``n`` rows count.
+    kind, shape, onset
+        Index into ``FAULT_KINDS`` (-1: healthy), ``STEP`` or ``RAMP``, and the record number at which the fault
+        sets in, shape (M,).
+    log_evidence
+        Log of prior times product of predictive densities, shape (M,).
     """
-    places = np.array([INDEX[name] for name in components], dtype=np.int64)
-    keep = ~np.isin(bank.component, places)
-    kept = _subset(bank, keep)
-    _, sd = prior(pump)
-    covariance = kept.covariance.copy()
-    covariance[:, places, :] = 0.0
-    covariance[:, :, places] = 0.0
-    covariance[:, places, places] = sd[places] ** 2
-    return replace(kept, covariance=covariance)
 
+    pump: PumpType
+    mean: Array = field(default_factory=lambda: np.zeros((_CAPACITY, N_STATE)))
+    covariance: Array = field(default_factory=lambda: np.zeros((_CAPACITY, N_STATE, N_STATE)))
+    kind: Integers = field(default_factory=lambda: np.full(_CAPACITY, HEALTHY))
+    shape: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
+    onset: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
+    log_evidence: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
+    n: int = 1
+    records: int = 0
+    reservoir_measured: bool = True
+    learnt: list[tuple[Measurement, ...]] = field(default_factory=list)
 
-def _with_faults(bank: Bank, onset: Integers, variance: Array, log_prior: float) -> Bank:
-    n = len(FAULT_KINDS)
-    mean = np.repeat(bank.mean[:1], n, axis=0)
-    covariance = np.repeat(bank.covariance[:1], n, axis=0)
-    covariance[:, FAULT, FAULT] = variance
-    return replace(
-        bank,
-        mean=np.concatenate((bank.mean, mean)),
-        covariance=np.concatenate((bank.covariance, covariance)),
-        kind=np.concatenate((bank.kind, np.arange(n))),
-        onset=np.concatenate((bank.onset, onset)),
-        log_evidence=np.concatenate((bank.log_evidence, np.full(n, bank.log_evidence[0] + log_prior))),
-    )
+    def __post_init__(self) -> None:
+        """Start with the population's spread: the healthy pump, and those that arrive worn."""
+        names = [k.name for k in FAULT_KINDS]
+        self.n = 1 + len(ARRIVAL_KINDS)
+        for row in range(self.n):
+            if row > 0:
+                self.kind[row], self.shape[row] = names.index(ARRIVAL_KINDS[row - 1]), ARRIVAL
+            self._begin(row)
 
+    def _begin(self, row: int) -> None:
+        """Set a filter that is alive from the first record to its prior."""
+        mean, sd = prior(self.pump)
+        self.mean[row], self.covariance[row] = mean, np.diag(sd**2)
+        self.log_evidence[row] = 0.0
+        if self.shape[row] == ARRIVAL:
+            self.mean[row, AMPLITUDE], spread = ARRIVAL_LEAKAGE_LPM
+            self.covariance[row, AMPLITUDE, AMPLITUDE] = spread**2
+            self.log_evidence[row] = _LOG_ARRIVAL
 
-def _subset(bank: Bank, keep: NDArray[np.bool_]) -> Bank:
-    return replace(
-        bank,
-        mean=bank.mean[keep],
-        covariance=bank.covariance[keep],
-        kind=bank.kind[keep],
-        onset=bank.onset[keep],
-        log_evidence=bank.log_evidence[keep],
-    )
+    def learn(self, measurements: tuple[Measurement, ...]) -> None:
+        """Take one record's windows: let time pass, weigh and update every filter."""
+        self._pass_time(slice(self.n))
+        for measurement in measurements:
+            if measurement.reservoir_measured is not self.reservoir_measured:
+                self._set_reservoir(measurement.reservoir_measured)
+            iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
+            self._take(measurement, slice(self.n), iterations, _NOWHERE)
+        self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
+        self.records += 1
+        self.learnt.append(measurements)
+        if self.records in _FITTED_ANEW_AT:
+            self._fit_anew()
 
+    def _fit_anew(self) -> None:
+        """Fit what is alive from the first record on to everything learnt, linearised about where it stands now."""
+        held = self.log_evidence[0]
+        old = [0, *np.flatnonzero(self.shape[: self.n] == ARRIVAL)]
+        for row in old:
+            for _ in range(2):
+                about = self.mean[row].copy()
+                self._begin(row)
+                for measurements in self.learnt:
+                    self._pass_time(slice(row, row + 1))
+                    for measurement in measurements:
+                        self._take(measurement, slice(row, row + 1), 1, about)
+        self.log_evidence[old] += held - self.log_evidence[0]
 
-def _student_log_density(distance: Array, covariance: Array) -> Array:
-    """Log density of a 3-variate Student-t up to a constant common to all filters, shape (m,)."""
-    log_det: Array = np.linalg.slogdet(covariance)[1]
-    density: Array = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + 3.0) * np.log1p(distance / STUDENT_DEGREES)
-    return density
+    def _pass_time(self, rows: slice) -> None:
+        """Let every component wander from the last record to the next."""
+        walk = _WALK
+        if not self.reservoir_measured:
+            walk = _WALK.copy()
+            walk[INDEX["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
+        kinds = self.kind[rows]
+        amplitude = (_AMPLITUDE_WALK[self.shape[rows]] * _SCALES[kinds]) ** 2
+        advance(self.mean[rows], self.covariance[rows], len(kinds), walk, amplitude)
+
+    def _take(self, measurement: Measurement, rows: slice, iterations: int, about: Array) -> None:
+        kinds = self.kind[rows]
+        step(
+            self.mean[rows],
+            self.covariance[rows],
+            kinds,
+            self.log_evidence[rows],
+            len(kinds),
+            _DIRECTIONS,
+            measurement.anchor,
+            measurement.ripple,
+            measurement.values,
+            measurement.noise,
+            measurement.seen,
+            iterations,
+            about,
+        )
+
+    def spawn(self) -> None:
+        """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way."""
+        for kind in range(N_KINDS):
+            for shape in (STEP, RAMP):
+                place = self._place(kind, shape)
+                self.mean[place] = self.mean[0]
+                self.covariance[place] = self.covariance[0]
+                scale = _SCALES[kind]
+                if shape == STEP:
+                    self.covariance[place, AMPLITUDE, AMPLITUDE] = scale**2
+                else:
+                    self.covariance[place, RATE, RATE] = (scale / RAMP_RECORDS) ** 2
+                self.kind[place], self.shape[place], self.onset[place] = kind, shape, self.records
+                self.log_evidence[place] = self.log_evidence[0] + LOG_HAZARD[shape]
+
+    def _place(self, kind: int, shape: int) -> int:
+        """A free row, or that of the least likely onset of this kind and shape."""
+        held = np.flatnonzero((self.kind[: self.n] == kind) & (self.shape[: self.n] == shape))
+        if len(held) < MOST_ONSETS:
+            self.n += 1
+            return self.n - 1
+        return int(held[np.argmin(self.log_evidence[held])])
+
+    def reset(self, components: tuple[str, ...]) -> None:
+        """After maintenance that touched ``components`` their spread is the population's again.
+
+        Faults of those components are forgotten with what they were.
+        """
+        touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
+        kept = np.flatnonzero(~touched[self.kind[: self.n]])
+        n = len(kept)
+        for array in (self.mean, self.covariance, self.kind, self.shape, self.onset, self.log_evidence):
+            array[:n] = array[kept]
+        self.n = n
+        _, sd = prior(self.pump)
+        for name in components:
+            self._forget(INDEX[name], sd[INDEX[name]])
+
+    def _forget(self, place: int, sd: float) -> None:
+        covariance = self.covariance[: self.n]
+        covariance[:, place, :] = 0.0
+        covariance[:, :, place] = 0.0
+        covariance[:, place, place] = sd**2
+
+    def _set_reservoir(self, measured: bool) -> None:
+        place = INDEX["reservoir"]
+        spread = MEASURED_RESERVOIR_SD_BAR if measured else self.pump.population["reservoir_pressure_bar"].value
+        self._forget(place, spread)
+        self.mean[: self.n, place] = 0.0
+        self.reservoir_measured = measured
+
+    def floors(self, sensor_shift_bar: float) -> Array:
+        """Size of each filter's fault below which it is not worth a word, shape (n,)."""
+        floors = _FLOORS.copy()
+        floors[_IS_SENSOR] = sensor_shift_bar
+        floor: Array = floors[self.kind[: self.n]]
+        floor[self.shape[: self.n] == ARRIVAL] = ARRIVAL_FLOOR_LPM
+        return floor
+
+    def log_weights(self) -> Array:
+        """Log posterior weight of each filter, one-sided faults weighed by the sign they came out with, (n,)."""
+        out = np.empty(self.n)
+        log_weights(self.mean, self.covariance, self.kind, self.log_evidence, self.n, _SIGNS, out)
+        return out

@@ -5,18 +5,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
-from detectors.filter_bank import Bank
-from detectors.state_model import FAULT, FAULT_KINDS
+from detectors.filter_bank import ARRIVAL, Bank
+from detectors.state_model import AMPLITUDE, FAULT_KINDS
 from detectors.verdict import FAULTS, State
 
 Array = NDArray[np.float64]
 
-TEMPER = 0.5
+TEMPER = 0.8
 """Evidence is raised to this power before it becomes a probability: the twin is not the pump, and neighbouring
 records share what it misses. At 0.7, five of forty short histories with a leaking circuit lost the true cause from
 their candidates, at 0.5 one (our own simulations); a population study has yet to calibrate it."""
+
+
+WORN_PROBABILITY = 0.5
+"""Probability of having arrived worn from which a pump is called so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +27,13 @@ class Evidence:
     """Where the evidence stands after one record.
 
     ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
-    ``weights`` are the filters' shares, shape (m,).
+    ``weights`` are the filters' shares, shape (m,); ``arrival`` is the probability that the pump came worn.
     """
 
     log_odds: float
     probabilities: Mapping[State, float]
     weights: Array
+    arrival: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,7 @@ class Alarm:
     above: int = 0
     leader: State | None = None
     named_for: int = 0
+    worn_for: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,26 +61,30 @@ class Decision:
 
 def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     """Sum the bank's filters by the state they stand for."""
-    states = np.array([_state_number(k.state) for k in FAULT_KINDS] + [-1])[bank.kind]
-    floor = np.array([k.floor for k in FAULT_KINDS] + [0.0])[bank.kind]
-    floor[states == _state_number(State.SENSOR_FAULT)] = thresholds["sensor_shift_bar"]
-    small = np.abs(bank.mean[:, FAULT]) < floor
-    states = np.where(small, -1, states)
-    log_odds = bank.log_odds
-    healthy = float(logsumexp(log_odds[states == -1]))
-    by_fault = np.array([_lse(log_odds[states == i]) for i in range(len(FAULTS))])
-    tempered = TEMPER * (np.concatenate(([healthy], by_fault)) - healthy)
-    probabilities = np.exp(tempered - logsumexp(tempered))
-    weights = np.exp(log_odds - logsumexp(log_odds))
+    kinds = bank.kind[: bank.n]
+    small = np.abs(bank.mean[: bank.n, AMPLITUDE]) < bank.floors(thresholds["sensor_shift_bar"])
+    states = np.where(small, -1, _STATES[kinds])
+    log_odds = bank.log_weights()
+    share = np.exp(log_odds - log_odds.max())
+    # the healthy pump's place is the last
+    sums = np.bincount(np.where(states < 0, len(FAULTS), states), weights=share, minlength=len(FAULTS) + 1)
+    logs = np.log(np.maximum(sums, 1.0e-300))
+    healthy, by_fault = logs[-1], logs[:-1]
+    tempered = np.exp(TEMPER * (logs - logs.max()))
+    tempered /= tempered.sum()
+    probabilities = {State.HEALTHY: float(tempered[-1])}
+    probabilities |= {f: float(p) for f, p in zip(FAULTS, tempered[:-1], strict=True)}
     return Evidence(
-        log_odds=_lse(by_fault) - healthy,
-        probabilities=dict(zip((State.HEALTHY, *FAULTS), (float(p) for p in probabilities), strict=True)),
-        weights=weights,
+        log_odds=float(np.log(np.exp(by_fault).sum()) - healthy),
+        probabilities=probabilities,
+        weights=share / share.sum(),
+        arrival=float(share[(bank.shape[: bank.n] == ARRIVAL) & ~small].sum() / share.sum()),
     )
 
 
 def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> tuple[Alarm, Decision]:
     """One step of the sequential decision."""
+    worn_for = alarm.worn_for + 1 if found.arrival > WORN_PROBABILITY else 0
     above = alarm.above + 1 if found.log_odds > thresholds["alarm_on_log_odds"] else 0
     raised = above >= thresholds["alarm_records"] or (
         alarm.raised and found.log_odds >= thresholds["alarm_off_log_odds"]
@@ -85,7 +94,9 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
     leader = max(FAULTS, key=lambda f: share[f])
     sure = share[leader] > thresholds["side_probability"]
     named_for = (alarm.named_for + 1 if alarm.leader is leader else 1) if sure else 0
-    following = Alarm(raised, above, leader if sure else None, named_for)
+    following = Alarm(raised, above, leader if sure else None, named_for, worn_for)
+    if worn_for >= thresholds["alarm_records"] and (not raised or leader is State.PUMP_DEGRADATION):
+        return following, Decision(State.PUMP_DEGRADATION)
     if not raised:
         return following, Decision(State.HEALTHY)
     if named_for >= thresholds["side_records"]:
@@ -98,5 +109,5 @@ def _state_number(state: State) -> int:
     return FAULTS.index(state)
 
 
-def _lse(values: Array) -> float:
-    return float(logsumexp(values)) if len(values) else -np.inf
+_STATES = np.array([_state_number(k.state) for k in FAULT_KINDS] + [-1])
+"""State of each kind of fault, the healthy pump last."""
