@@ -44,6 +44,8 @@ ARRIVAL_KINDS = ("leakage, laminar", "leakage, mixed")
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
 """Mean and spread of what a pump leaks on top that arrives worn: the acceptance limit lies 0.2 above the nominal pump's
 case flow, a pump twice as far gone at 2.7 L/min."""
+ARRIVAL_RECORDS = 40
+"""Records after which a pump that is not likelier to have come worn is one of the population for good."""
 ARRIVAL_FLOOR_LPM = 0.5
 """Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
 _LOG_ARRIVAL = float(np.log(0.04))
@@ -52,7 +54,7 @@ LOG_HAZARD = (float(np.log(1.0e-3)), float(np.log(1.0e-3)))
 """Prior of one kind of fault setting in, as a step or as a ramp, within the spacing of onset candidates."""
 RAMP_RECORDS = 50.0
 """Records in which a ramp of one sigma grows by a fault's scale (estimate)."""
-_AMPLITUDE_WALK = np.array([0.01, 0.003, 0.0])
+_AMPLITUDE_WALK = np.array([0.01, 0.01, 0.0])
 """Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
 _CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * 2 * MOST_ONSETS
 
@@ -154,6 +156,8 @@ class Bank:
         self.learnt.append(measurements)
         if self.records in _FITTED_ANEW_AT:
             self._fit_anew()
+        if self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0:
+            self._keep(np.flatnonzero(self.shape[: self.n] != ARRIVAL))
 
     def _fit_anew(self) -> None:
         """Fit what is alive from the first record on to everything learnt, linearised about where it stands now."""
@@ -226,14 +230,17 @@ class Bank:
         Faults of those components are forgotten with what they were.
         """
         touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
-        kept = np.flatnonzero(~touched[self.kind[: self.n]])
-        n = len(kept)
-        for array in (self.mean, self.covariance, self.kind, self.shape, self.onset, self.log_evidence):
-            array[:n] = array[kept]
-        self.n = n
+        self._keep(np.flatnonzero(~touched[self.kind[: self.n]]))
         _, sd = prior(self.pump)
         for name in components:
             self._forget(INDEX[name], sd[INDEX[name]])
+
+    def _keep(self, rows: Integers) -> None:
+        """Drop every filter but these, in their order."""
+        n = len(rows)
+        for array in (self.mean, self.covariance, self.kind, self.shape, self.onset, self.log_evidence):
+            array[:n] = array[rows]
+        self.n = n
 
     def _forget(self, place: int, sd: float) -> None:
         covariance = self.covariance[: self.n]

@@ -27,12 +27,14 @@ class Evidence:
     """Where the evidence stands after one record.
 
     ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
-    ``weights`` are the filters' shares, shape (m,); ``arrival`` is the probability that the pump came worn.
+    ``weights`` are the filters' shares, shape (m,); ``shares`` are those of
+    the faults among what changed since the first record; ``arrival`` is the probability that the pump came worn.
     """
 
     log_odds: float
     probabilities: Mapping[State, float]
     weights: Array
+    shares: Mapping[State, float]
     arrival: float
 
 
@@ -64,21 +66,23 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     kinds = bank.kind[: bank.n]
     small = np.abs(bank.mean[: bank.n, AMPLITUDE]) < bank.floors(thresholds["sensor_shift_bar"])
     states = np.where(small, -1, _STATES[kinds])
-    log_odds = bank.log_weights()
-    share = np.exp(log_odds - log_odds.max())
+    arrived = bank.shape[: bank.n] == ARRIVAL
+    log_weights = bank.log_weights()
+    share = np.exp(log_weights - log_weights.max())
     # the healthy pump's place is the last
-    sums = np.bincount(np.where(states < 0, len(FAULTS), states), weights=share, minlength=len(FAULTS) + 1)
-    logs = np.log(np.maximum(sums, 1.0e-300))
-    healthy, by_fault = logs[-1], logs[:-1]
-    tempered = np.exp(TEMPER * (logs - logs.max()))
-    tempered /= tempered.sum()
+    places = np.where(states < 0, len(FAULTS), states)
+    sums = np.bincount(places, weights=share, minlength=len(FAULTS) + 1)
+    # how a pump came is a question of its own: an alarm is raised by what changed since
+    changed = np.bincount(np.where(arrived, len(FAULTS), places), weights=share, minlength=len(FAULTS) + 1)
+    tempered = _tempered(sums)
     probabilities = {State.HEALTHY: float(tempered[-1])}
     probabilities |= {f: float(p) for f, p in zip(FAULTS, tempered[:-1], strict=True)}
     return Evidence(
-        log_odds=float(np.log(np.exp(by_fault).sum()) - healthy),
+        log_odds=float(np.log(max(changed[:-1].sum(), 1.0e-300)) - np.log(max(changed[-1], 1.0e-300))),
+        shares={f: float(v) for f, v in zip(FAULTS, _tempered(changed[:-1]), strict=True)},
         probabilities=probabilities,
         weights=share / share.sum(),
-        arrival=float(share[(bank.shape[: bank.n] == ARRIVAL) & ~small].sum() / share.sum()),
+        arrival=float(share[arrived & ~small].sum() / share.sum()),
     )
 
 
@@ -89,8 +93,7 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
     raised = above >= thresholds["alarm_records"] or (
         alarm.raised and found.log_odds >= thresholds["alarm_off_log_odds"]
     )
-    total = sum(found.probabilities[f] for f in FAULTS)
-    share = {f: found.probabilities[f] / total if total > 0.0 else 0.0 for f in FAULTS}
+    share = found.shares
     leader = max(FAULTS, key=lambda f: share[f])
     sure = share[leader] > thresholds["side_probability"]
     named_for = (alarm.named_for + 1 if alarm.leader is leader else 1) if sure else 0
@@ -103,6 +106,13 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
         return following, Decision(leader)
     candidates = tuple(f for f in FAULTS if share[f] >= thresholds["candidate_probability"])
     return following, Decision(State.INDETERMINATE, candidates)
+
+
+def _tempered(sums: Array) -> Array:
+    """Shares of evidence sums, tempered; they add up to 1."""
+    powers = np.maximum(sums / max(sums.max(), 1.0e-300), 1.0e-300) ** TEMPER
+    shares: Array = powers / powers.sum()
+    return shares
 
 
 def _state_number(state: State) -> int:

@@ -92,7 +92,7 @@ _WALK: dict[str, float] = {
     "slipper_extra": 0.0,
     "laminar_extra": 0.0,
     "throttled": 0.0003,
-    "bleed": 0.0001,
+    "bleed": 0.0004,
     "system_orifice": 0.004,
     "system_laminar": 0.002,
     "setting": 0.01,
