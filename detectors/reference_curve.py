@@ -28,7 +28,8 @@ class Regressor:
     """One variable that the healthy response follows.
 
     ``scale`` is a natural step of it, over which the response's departure from the expected shape is judged;
-    ``margin`` is how far outside the fitted points the reference may still be asked; both in ``unit``.
+    ``margin`` is how far outside the fitted points the reference may still be asked, ``gap`` how far from the nearest
+    of them, also between them; all in ``unit``.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Regressor:
     scale: float
     margin: float
     degree: int = 1
+    gap: float = math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +82,8 @@ class ReferenceCurve:
 
     regressors: tuple[Regressor, ...]
     centre: Array
-    low: Array
-    high: Array
+    measured: Array
+    """Fitted points' regressors, each column sorted by itself, shape (n, number of regressors)."""
     coefficients: Array
     covariance: Array
     """Of the coefficients in units of the scatter's variance, shape (p, p)."""
@@ -161,12 +163,19 @@ class ReferenceCurve:
         return np.array([condition[r.name] for r in self.regressors])
 
     def _outside(self, x: Array) -> tuple[str, ...]:
-        reasons = [
-            f"{r.name} is {value:.4g} {r.unit}; the reference was measured from {low:.4g} to {high:.4g} {r.unit} "
-            f"and reaches {r.margin:g} {r.unit} further"
-            for r, value, low, high in zip(self.regressors, x, self.low, self.high, strict=True)
-            if not low - r.margin <= value <= high + r.margin
-        ]
+        reasons = []
+        for r, value, measured in zip(self.regressors, x, self.measured.T, strict=True):
+            low, high, nearest = measured[0], measured[-1], float(np.abs(measured - value).min())
+            if not low - r.margin <= value <= high + r.margin:
+                reasons.append(
+                    f"{r.name} is {value:.4g} {r.unit}; the reference was measured from {low:.4g} to {high:.4g} "
+                    f"{r.unit} and reaches {r.margin:g} {r.unit} further"
+                )
+            elif nearest > r.gap:
+                reasons.append(
+                    f"{r.name} is {value:.4g} {r.unit}; the nearest measured point is {nearest:.3g} {r.unit} away, "
+                    f"at most {r.gap:g} {r.unit} are allowed"
+                )
         if reasons or self._leverage(x) <= max(MOST_LEVERAGE * self.largest_leverage, self._margin_leverage()):
             return tuple(reasons)
         # the regressor whose return to the centre relieves the leverage most
@@ -182,7 +191,7 @@ class ReferenceCurve:
         """Largest leverage that the margins themselves allow, one regressor at a time from the centre."""
         found = [0.0]
         for j, r in enumerate(self.regressors):
-            for edge in (self.low[j] - r.margin, self.high[j] + r.margin):
+            for edge in (self.measured[0, j] - r.margin, self.measured[-1, j] + r.margin):
                 x = self.centre.copy()
                 x[j] = edge
                 found.append(self._leverage(x))
@@ -261,7 +270,7 @@ def fit_reference(
     covariance: Array = np.eye(basis.shape[1])
     for _ in range(60):
         precision = (basis.T * (weight * share)) @ basis + np.diag(scatter**2 / prior_variance)
-        covariance = np.linalg.inv(precision)
+        covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
         coefficients = covariance @ (basis.T @ (weight * share * (target - start)))
         residual = target - start - basis @ coefficients
         n_terms = float(np.einsum("ij,jk,ik,i->", basis, covariance, basis, weight * share))
@@ -280,8 +289,7 @@ def fit_reference(
     return ReferenceCurve(
         tuple(regressors),
         centre,
-        x.min(axis=0),
-        x.max(axis=0),
+        np.sort(x, axis=0),
         coefficients,
         covariance,
         scatter,
@@ -327,6 +335,8 @@ def _check(
             faults.append(f"scale of {r.name} is {r.scale:g}; it must be finite and above 0")
         if not (math.isfinite(r.margin) and r.margin >= 0.0):
             faults.append(f"margin of {r.name} is {r.margin:g}; it must be finite and at least 0")
+        if not r.gap > 0.0:
+            faults.append(f"gap of {r.name} is {r.gap:g}; it must be above 0")
         if r.degree not in {1, 2, 3}:
             faults.append(f"degree of {r.name} is {r.degree}; it must be 1, 2 or 3")
     for name, value in (("repeatability", repeatability), ("departure", departure)):

@@ -129,6 +129,18 @@ def test_a_corner_that_was_never_measured_is_outside() -> None:
     assert "never measured together" in found.reasons[0]
 
 
+def test_a_gap_between_points_is_outside_where_a_limit_is_set() -> None:
+    rng = np.random.default_rng(13)
+    temperature = np.concatenate([rng.uniform(35.0, 37.0, 30), rng.uniform(55.0, 57.0, 30)])[:, None]
+    y = 190.0 - 0.06 * temperature[:, 0]
+    regressor = Regressor("fluid_temperature_degc", "degC", 5.0, 2.0, gap=3.0)
+    curve = fit_reference([regressor], temperature, y, repeatability=0.02, departure=0.5)
+    assert isinstance(curve.at({"fluid_temperature_degc": 39.0}), Reference)
+    found = curve.at({"fluid_temperature_degc": 45.0})
+    assert isinstance(found, OutsideRange)
+    assert "nearest measured point" in found.reasons[0]
+
+
 def test_few_points_keep_the_twins_shape() -> None:
     x, y = points(np.random.default_rng(8), 3)
     x[:, 1] = 50.0
