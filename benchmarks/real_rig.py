@@ -102,7 +102,7 @@ def reference(training: Sequence[Block]) -> ReferenceCurve:
 def judge(curve: ReferenceCurve, temperature: Array, pressure: Array) -> Judgement:
     """Charts over one block's cycles in order; sees no label."""
     residual, sd = np.full(len(pressure), np.nan), np.full(len(pressure), np.nan)
-    reasons = []
+    reasons: list[str] = []
     for i, (t, p) in enumerate(zip(temperature, pressure, strict=True)):
         found = curve.at({TEMPERATURE.name: float(t)})
         if isinstance(found, OutsideRange):
@@ -196,8 +196,8 @@ def summary(judged: Sequence[tuple[Block, Judgement]]) -> dict[str, Any]:
     for grade, words in enumerate(GRADES):
         residual = [j.residual_bar for b, j in inside if b.profile[PUMP] == grade]
         if residual:
-            quantities = {"mean": np.mean(residual), "low": min(residual), "high": max(residual)}
-            out[f"residual_bar_{words}"] = {k: round(float(v), 4) for k, v in quantities.items()}
+            quantities = {"mean": float(np.mean(residual)), "low": min(residual), "high": max(residual)}
+            out[f"residual_bar_{words}"] = {k: round(v, 4) for k, v in quantities.items()}
     return out
 
 
@@ -217,7 +217,7 @@ def study(archive: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
             "arl0_cycles": ARL0_CYCLES,
             "smallest_fall_bar": SMALLEST_FALL_BAR,
             "repeatability_bar": REPEATABILITY_BAR,
-            "regressor": {k: v for k, v in asdict(TEMPERATURE).items()},
+            "regressor": asdict(TEMPERATURE),
         },
         "held_out_blocks": summary(held_out_blocks(all_blocks)),
     }
