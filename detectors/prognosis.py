@@ -23,11 +23,11 @@ DRIFT_PROBABILITY = 0.9
 WIDEST_RATIO = 20.0
 _CONFIDENCE = 0.90
 _PRIOR_STEADY = 0.5
-_DIFFUSIONS = ((0.0, 0.6), (3e-4, 0.3), (3e-3, 0.1))
+_DIFFUSIONS = ((0.0, 0.4), (3e-4, 0.4), (3e-3, 0.2))
 """Variance of the level gained over a life, in squares of the way to the limit, and its prior share."""
 _NOISES = ((1.0, 0.7), (1.6, 0.3))
 """Factor on the stated standard deviations, and its prior share."""
-_LAWS = ((0.0, 0.0, 0.28), (0.0, 3.0, 0.05), (1.0, 0.0, 0.2), (2.0, 0.0, 0.27), (4.0, 0.0, 0.2))
+_LAWS = ((0.0, 0.0, 0.3), (0.0, 3.0, 0.1), (1.0, 0.0, 0.25), (2.0, 0.0, 0.25), (3.0, 0.0, 0.1))
 """Growth of the drift over the track (exponent), its wander over a life in squares of a typical drift, share."""
 _DRIFTS = (0.3, 1.0, 3.0, 10.0)
 """Drift at the track's end in units of the way to the limit over a life."""

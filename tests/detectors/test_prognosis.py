@@ -120,7 +120,7 @@ def test_healthy_pumps_rarely_get_a_forecast() -> None:
 
 
 def test_bad_numbers_are_all_named() -> None:
-    with pytest.raises(ValueError, match="limit is not a number; typical_life_hours is 0; .*standard_deviation of 2"):
+    with pytest.raises(ValueError, match=r"limit is not a number; typical_life_hours is 0; .*standard_deviation of 2"):
         forecast([LevelEstimate(1.0, 1.0, 0.0), LevelEstimate(1.0, 1.0, -1.0)], math.nan, typical_life_hours=0.0)
     found = forecast(estimates(np.random.default_rng(6), np.linspace(0, 500, 40), linear(1000.0), 0.02), LIMIT)
     assert isinstance(found, Forecast)
