@@ -137,7 +137,10 @@ def errors(surfaces: OrderSurfaces, design: Design) -> dict[str, dict[str, float
                 row = {"median_mbar": 1e3 * float(np.median(true)), "error_median_mbar": 1e3 * float(np.median(off)),
                        "error_95_mbar": 1e3 * float(np.percentile(off, 95))}  # fmt: skip
                 if v > 0 or order in {"n", "2n"}:
-                    row |= {"error_median": float(np.median(off / true)), "error_95": float(np.percentile(off / true, 95))}
+                    row |= {
+                        "error_median": float(np.median(off / true)),
+                        "error_95": float(np.percentile(off / true, 95)),
+                    }
                 found[f"{worn}: {name} {order}"] = row
     return found
 

@@ -1,4 +1,4 @@
-"""What a fast record is reduced to: lines at orders of the shaft, regulation ripple, limit cycles.
+"""What fast records and load steps are reduced to: lines at orders of the shaft, ripple, limit cycles, droop.
 
 Pressures are bar, as measured: neither the sensor's filter nor its noise is taken out of an amplitude.
 """
@@ -116,3 +116,37 @@ class Spectrum:
     speed_rpm: float
     revolutions: float
     channels: Mapping[str, ChannelSpectrum]
+
+
+@dataclass(frozen=True, slots=True)
+class LoadStep:
+    """One step of the load between two steady stretches, and how the regulated pressure took it.
+
+    Attributes
+    ----------
+    at_s
+        Instant of the step [s].
+    flow_change_lpm
+        Change of discharge flow [L/min]; None where neither the flow nor its command is recorded.
+    pressure_change_bar, pressure_error_bar
+        Change of the steady discharge pressure and its one-sigma error [bar].
+    droop_bar_per_lpm, droop_error_bar_per_lpm
+        Fall of the steady pressure per flow and its one-sigma error; None without a flow.
+    excursion_bar
+        Largest deviation from the new steady pressure on the way [bar], with its sign.
+    recovery_s, recovery_error_s
+        Time from the step until the pressure stays within the band round its new value, and its one-sigma error [s].
+    band_bar
+        That band: a tenth of the excursion, and never below four times the noise [bar].
+    """
+
+    at_s: float
+    flow_change_lpm: float | None
+    pressure_change_bar: float
+    pressure_error_bar: float
+    droop_bar_per_lpm: float | None
+    droop_error_bar_per_lpm: float | None
+    excursion_bar: float
+    recovery_s: float
+    recovery_error_s: float
+    band_bar: float

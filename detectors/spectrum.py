@@ -165,8 +165,7 @@ class _Fit:
         design = np.column_stack((np.ones_like(t), t, t * t, np.cos(waves), np.sin(waves)))
         for _ in range(2):
             known = np.isfinite(x)
-            A = design[known]
-            solution = np.linalg.lstsq(A, x[known], rcond=None)[0]
+            solution = np.linalg.lstsq(design[known], x[known], rcond=None)[0]
             self.residual = x - design @ solution
             # a spike between the peaks of the ripple shows only once the ripple is gone
             x = np.where(np.isfinite(without_spikes(self.residual)), x, np.nan)
