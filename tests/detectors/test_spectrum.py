@@ -206,15 +206,8 @@ def test_transient_pump_through_its_sensors() -> None:
 def test_bursts_without_samples_scatter_as_the_pipeline_does() -> None:
     """Same mean and same spread of every amplitude, within the errors of so many."""
     n_bursts = 60
-    real = np.array(
-        [
-            [
-                [found(synthetic(seed=s, quantum=350.0 / 4096)).channels[c].line(o).amplitude_bar for o in LINES]
-                for c in PRESSURES
-            ]
-            for s in range(100, 100 + n_bursts)
-        ]
-    )
+    answers = [found(synthetic(seed=s, quantum=350.0 / 4096)) for s in range(100, 100 + n_bursts)]
+    real = np.array([[[a.channels[c].line(o).amplitude_bar for o in LINES] for c in PRESSURES] for a in answers])
     true = np.array([[LINES[o][k] for o in LINES] for k in range(2)])
     rng = np.random.default_rng(2)
     told, error = measured_amplitudes(np.broadcast_to(true, (4000, 2, 5)), rng, resolution_bar=(350.0 / 4096, 0.0))
