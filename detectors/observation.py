@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 
+from detectors.signature import Spectrum
+
 
 class WindowKind(StrEnum):
     """What a stretch of a record shows."""
@@ -58,13 +60,14 @@ class Reduction:
     """All that the analysis keeps of one recording, in time order.
 
     ``explanation`` says in one sentence why a record without an accepted zero-flow window adds nothing;
-    None when there is one. ``flags`` are quality remarks.
+    None when there is one. ``flags`` are quality remarks. ``spectrum`` is None where the record is too slow for one.
     """
 
     zero: Zero
     windows: tuple[Window, ...]
     explanation: str | None
     flags: tuple[str, ...] = ()
+    spectrum: Spectrum | None = None
 
     @property
     def zero_flow(self) -> Window | None:

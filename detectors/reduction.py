@@ -1,18 +1,21 @@
-"""Reduce a recording to what the analysis keeps: the zero and the windows."""
+"""Reduce a recording to what the analysis keeps: the zero, the windows, the spectrum of what is sampled fast."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 
 from detectors.observation import Reduction, Window, WindowKind
-from detectors.windows import LOWEST_SPEED_FRACTION, steady_windows, unchanging_channels
+from detectors.signature import Spectrum
+from detectors.spectrum import spectrum
+from detectors.windows import LOWEST_PRESSURE_FRACTION, LOWEST_SPEED_FRACTION, steady_windows, unchanging_channels
 from detectors.zero import pump_off_zero
 from twin.parameters import PumpType
 from twin.recording import Recording
 
 
 def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[str, float]) -> Reduction:
-    """Zero and windows of one recording; says in a sentence why it adds nothing when no window was accepted."""
+    """Zero, windows and spectrum of one recording; says in a sentence why it adds nothing when no window was accepted."""
     zero, off = pump_off_zero(recording, pump, thresholds)
     windows = tuple(sorted((*off, *steady_windows(recording, pump, thresholds)), key=lambda w: w.start_s))
     flags = []
@@ -24,7 +27,30 @@ def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[s
     if accepted:
         stuck = unchanging_channels(recording, accepted[-1], ("discharge_pressure_bar", "case_pressure_bar"))
         flags += [f"{name} does not change at all over the zero-flow window: stuck, or too coarse" for name in stuck]
-    return Reduction(zero, windows, None if accepted else _explanation(recording, windows, pump), tuple(flags))
+    explanation = None if accepted else _explanation(recording, windows, pump)
+    window = accepted[-1] if accepted else None
+    return Reduction(zero, windows, explanation, tuple(flags), _spectrum(recording, window, pump, thresholds))
+
+
+def _spectrum(
+    recording: Recording, window: Window | None, pump: PumpType, thresholds: Mapping[str, float]
+) -> Spectrum | None:
+    """Spectrum of the zero-flow window; of the whole record where it is a burst, shorter than any window."""
+    if window is not None:
+        return spectrum(recording, window.start_s, window.end_s, pump)
+    time = recording.time_s
+    if len(time) < 2 or float(time[-1] - time[0]) >= thresholds["window_minimum_duration_s"]:
+        return None
+    regulated = pump.limits["zero_flow_pressure_low_bar"].value * LOWEST_PRESSURE_FRACTION
+    for name, lowest in (
+        ("shaft_speed_rpm", LOWEST_SPEED_FRACTION * pump.nominal_speed_rpm),
+        ("discharge_pressure_bar", regulated),
+    ):
+        known = recording[name][np.isfinite(recording[name])]
+        # five in a hundred may be spikes; a run-up or a load step is no burst at constant load
+        if len(known) == 0 or float(np.percentile(known, 5)) < lowest:
+            return None
+    return spectrum(recording, float(time[0]), math.nextafter(float(time[-1]), math.inf), pump)
 
 
 def _explanation(recording: Recording, windows: tuple[Window, ...], pump: PumpType) -> str:

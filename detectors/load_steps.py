@@ -1,0 +1,170 @@
+"""Droop and recovery of the regulated pressure at load steps: the compensator's health, from ordinary flight records."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.signature import LoadStep
+from detectors.statistics import mean_with_error, without_spikes
+from twin.parameters import PumpType
+from twin.recording import Recording
+
+Samples = NDArray[np.float64]
+
+STEADY_S = 0.5
+"""Shortest steady stretch on either side of a step [s]."""
+LONGEST_S = 5.0
+"""Longest stretch that is looked at on either side [s]: later the conditions have moved on."""
+SMALLEST_FLOW_LPM = 1.0
+SMALLEST_PRESSURE_BAR = 0.5
+_SIGMAS = 6.0
+_FEWEST = 8
+_FLOWS = ("commanded_flow_lpm", "discharge_flow_lpm")
+_MAD_TO_SIGMA = 1.4826
+
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    """Steady pressure and flow on one side of a step, each with its one-sigma error."""
+
+    pressure: float
+    pressure_error: float
+    flow: float
+    flow_error: float
+    noise: float
+
+
+def load_steps(recording: Recording, pump: PumpType) -> tuple[LoadStep, ...]:
+    """Steps of the load between steady stretches, in time order.
+
+    A step is seen in the commanded flow, else in the measured discharge flow, else in the discharge pressure itself.
+    A step that does not stand between two steady stretches of at least half a second tells nothing of droop and is left
+    out, as is one whose pressure falls below the regulated range: there the pump is at its stop.
+    """
+    if len(recording) < 2 * _FEWEST:
+        return ()
+    time = recording.time_s
+    step = float(np.median(np.diff(time)))
+    name = next((f for f in _FLOWS if f in recording and np.isfinite(recording[f]).any()), "discharge_pressure_bar")
+    by_flow = name in _FLOWS
+    pressure = recording["discharge_pressure_bar"]
+    half = max(_FEWEST // 2, round(0.5 * STEADY_S / step))
+    edges = _edges(recording[name], half, SMALLEST_FLOW_LPM if by_flow else SMALLEST_PRESSURE_BAR)
+    flow = recording[_measured_flow(recording)] if by_flow else np.full(len(time), np.nan)
+    found = []
+    bounds = [0, *edges, len(time)]
+    for before, edge, after in zip(bounds, bounds[1:], bounds[2:], strict=False):
+        one = _step(time, pressure, flow, (before, edge, after), step, pump)
+        if one is not None:
+            found.append(one)
+    return tuple(found)
+
+
+def _measured_flow(recording: Recording) -> str:
+    """Measured discharge flow where there is one: the command is not what the pump delivered."""
+    return next(f for f in reversed(_FLOWS) if f in recording and np.isfinite(recording[f]).any())
+
+
+def _edges(samples: Samples, half: int, smallest: float) -> list[int]:
+    """Samples at which the median over ``half`` samples jumps: where the jump is largest between quiet stretches."""
+    x = samples.copy()
+    known = np.isfinite(x)
+    if known.sum() < 2 * half:
+        return []
+    index = np.arange(len(x))
+    x = np.interp(index, index[known], x[known])
+    if len(x) < 2 * half + 1:
+        return []
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(x, half), axis=1)
+    jump = medians[half:] - medians[:-half]
+    noise = _MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x)))) / math.sqrt(2.0)
+    limit = max(smallest, _SIGMAS * noise / math.sqrt(half))
+    edges = []
+    above = np.abs(jump) >= limit
+    starts = np.flatnonzero(np.diff(np.concatenate(([False], above, [False])).astype(np.int8)))
+    for first, end in zip(starts[::2], starts[1::2], strict=True):
+        # the middle of the jump's plateau: medians see the edge from both sides alike
+        top = np.abs(jump[first:end])
+        high = np.flatnonzero(top >= 0.9 * top.max())
+        place = int(first) + half + int(high[len(high) // 2])
+        edges.append(_refined(x, place, half))
+    return edges
+
+
+def _refined(x: Samples, place: int, half: int) -> int:
+    """First sample past half of the jump near ``place``."""
+    low, high = max(place - half, 0), min(place + half, len(x))
+    before, after = float(np.median(x[max(low - half, 0) : low + 1])), float(np.median(x[high - 1 : high + half]))
+    share = (x[low:high] - before) / (after - before) if after != before else np.zeros(high - low)
+    crossed = np.flatnonzero(share > 0.5)
+    return low + int(crossed[0]) if len(crossed) else place
+
+
+def _step(
+    time: Samples, pressure: Samples, flow: Samples, bounds: tuple[int, int, int], step: float, pump: PumpType
+) -> LoadStep | None:
+    start, edge, end = bounds
+    # the last steady stretch before the edge, and the last one before the next edge
+    first = max(start, int(np.searchsorted(time, time[edge] - LONGEST_S)))
+    last = min(end, int(np.searchsorted(time, time[edge] + LONGEST_S)))
+    guard = max(1, round(0.02 * (last - edge))) if end < len(time) else 0
+    before = _side(time, pressure, flow, (first + (edge - first) // 2, edge - 1), step)
+    after = _side(time, pressure, flow, (edge + (last - edge) // 2, last - guard), step)
+    if before is None or after is None:
+        return None
+    if min(before.pressure, after.pressure) < 0.85 * pump.limits["zero_flow_pressure_low_bar"].value:
+        return None
+    way = pressure[edge : last - guard] - after.pressure
+    known = np.isfinite(without_spikes(np.diff(way, prepend=way[0]), 2.0 * after.noise + 1.0)) & np.isfinite(way)
+    if known.sum() < _FEWEST:
+        return None
+    at, deviation = time[edge : last - guard][known] - time[edge], way[known]
+    excursion = float(deviation[np.argmax(np.abs(deviation))])
+    band = max(0.1 * abs(excursion), 4.0 * after.noise)
+    outside = np.flatnonzero(np.abs(deviation) > band)
+    leaves = int(outside[-1]) + 1 if len(outside) else 0
+    recovery = float(at[min(leaves, len(at) - 1)])
+    change = after.pressure - before.pressure
+    change_error = math.hypot(before.pressure_error, after.pressure_error)
+    flow_change = after.flow - before.flow
+    droop = droop_error = None
+    if math.isfinite(flow_change) and abs(flow_change) >= SMALLEST_FLOW_LPM:
+        droop = -change / flow_change
+        flow_error = math.hypot(before.flow_error, after.flow_error)
+        droop_error = math.hypot(change_error / flow_change, droop * flow_error / flow_change)
+    return LoadStep(
+        float(time[edge]),
+        float(flow_change) if math.isfinite(flow_change) else None,
+        change,
+        change_error,
+        droop,
+        droop_error,
+        excursion,
+        recovery,
+        # both ends fall anywhere between two samples, and noise moves where the band is crossed
+        math.hypot(step / math.sqrt(6.0), after.noise * recovery / max(abs(excursion), band)),
+        band,
+    )
+
+
+def _side(time: Samples, pressure: Samples, flow: Samples, bounds: tuple[int, int], step: float) -> _Side | None:
+    """Steady means of a stretch; None where it is too short or still moves."""
+    inside = slice(*bounds)
+    x = pressure[inside]
+    if bounds[1] - bounds[0] < _FEWEST or time[bounds[1] - 1] - time[bounds[0]] < 0.5 * STEADY_S - step:
+        return None
+    mean = mean_with_error(x)
+    if mean is None or np.isfinite(x).sum() < _FEWEST:
+        return None
+    clean = without_spikes(x)
+    halves = [float(np.nanmean(h)) for h in np.array_split(clean, 2) if np.isfinite(h).any()]
+    noise = float(np.nanstd(clean))
+    # ripple of the pump moves no mean; a drift of a tenth of the smallest step does not yet count
+    if len(halves) < 2 or abs(halves[1] - halves[0]) > max(0.1 * SMALLEST_PRESSURE_BAR, 5.0 * mean.standard_error):
+        return None
+    q = mean_with_error(flow[inside])
+    if q is None:
+        return _Side(mean.mean, mean.standard_error, math.nan, math.nan, noise)
+    return _Side(mean.mean, mean.standard_error, q.mean, q.standard_error, noise)
