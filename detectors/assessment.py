@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from detectors import wording
 from detectors.anchor import anchors, reference_condition
-from detectors.estimates import estimates, probability_above
-from detectors.filter_bank import SPAWN_EVERY, Bank
+from detectors.estimates import estimates
+from detectors.filter_bank import SPAWN_EVERY, Bank, Measurement
 from detectors.isolation import Alarm, Decision, Evidence, decided, evidence
 from detectors.measurement import Measured, measured_windows
 from detectors.observation import History, Maintenance, Observation, Residual
@@ -55,7 +55,9 @@ def assess(
     """
     observations = sorted(history.observations, key=lambda o: (o.at, o.record_id))
     counted = _counted(observations)
-    measured = measured_windows([o for o in observations if o.record_id in counted], pump, circuit)
+    bursts = _bursts(observations, counted)
+    measured = measured_windows([o for o in observations if o.record_id in counted], bursts, pump, circuit)
+    supplements = {burst: m for found in measured.values() for burst, m in found.supplements.items()}
     fold = _Fold(pump, circuit, thresholds)
     assessments = []
     previous: Observation | None = None
@@ -69,6 +71,8 @@ def assess(
         if found is not None:
             fold.learn(observation, found)
             trend = _measured_trend(observation, found.residuals)
+        elif observation.record_id in supplements:
+            fold.supplement(supplements[observation.record_id])
         verdict = fold.conclude(observation)
         if trend:
             known = {*verdict.minimum_detectable, "case_flow_at_reference_lpm"}
@@ -90,6 +94,19 @@ def _counted(observations: list[Observation]) -> set[str]:
     return {o.record_id for o in best.values()}
 
 
+def _bursts(observations: list[Observation], counted: set[str]) -> dict[str, list[Observation]]:
+    """Later records of a flight that hold a spectrum, by the record that stands for the flight."""
+    stands: dict[tuple[str, str, str], Observation] = {}
+    found: dict[str, list[Observation]] = {}
+    for observation in observations:
+        key = (observation.aircraft, observation.position, observation.flight_id)
+        if observation.record_id in counted:
+            stands[key] = observation
+        elif observation.reduction.spectrum is not None and key in stands:
+            found.setdefault(stands[key].record_id, []).append(observation)
+    return found
+
+
 @dataclass(slots=True)
 class _Fold:
     """What is carried from one observation to the next; changed in place, never shared."""
@@ -106,6 +123,7 @@ class _Fold:
     rejected: int = 0
     without_zero: int = 0
     without_reservoir: int = 0
+    supplemented: bool = False
 
     def __post_init__(self) -> None:
         """Start with an unknown pump of the type."""
@@ -132,11 +150,18 @@ class _Fold:
         self.without_zero += not observation.reduction.zero.measured
         self.without_reservoir += not found.measurements[-1].reservoir_measured
 
+    def supplement(self, measurement: Measurement) -> None:
+        """Take a burst of the flight that was learnt last."""
+        self.bank.supplement(measurement)
+        self.supplemented = True
+
     def conclude(self, observation: Observation) -> Verdict:
         """The verdict after this observation; a record that taught nothing repeats the last one."""
         previous = self.verdict
         quality = self._quality()
-        if previous is not None and previous.quality.records_used == self.used and self.since_installed > 0:
+        unchanged = previous is not None and previous.quality.records_used == self.used and not self.supplemented
+        self.supplemented = False
+        if previous is not None and unchanged and self.since_installed > 0:
             self.verdict = replace(previous, quality=quality)
             return self.verdict
         found = evidence(self.bank, self.thresholds)

@@ -20,6 +20,7 @@ COMPONENTS: tuple[str, ...] = (
     "case_offset",  # zero of the case sensor [bar]
     "reservoir",  # reservoir pressure on top of what is known of it [bar]
     "ln_ripple",  # order n of discharge pressure against the twin's, logarithm
+    "ln_case_ripple",  # order n of case pressure against the twin's, logarithm
     "once",  # discharge pressure's line at once per revolution [bar]
 )
 N_COMPONENTS = len(COMPONENTS)
@@ -43,6 +44,7 @@ N_COMPONENTS = len(COMPONENTS)
     CASE_OFFSET,
     RESERVOIR,
     LN_RIPPLE,
+    LN_CASE_RIPPLE,
     ONCE,
 ) = range(N_COMPONENTS)
 INDEX = {name: i for i, name in enumerate(COMPONENTS)}

@@ -20,7 +20,8 @@ _ODDS_TO_FIND = 11.0
 
 _QUANTITIES: dict[str, tuple[str, ...]] = {
     "pump_leakage_change_lpm": (
-        "leakage, laminar",
+        "leakage, slippers",
+        "leakage, port plate",
         "leakage, mixed",
         "leakage, throttled",
         "uneven wear",

@@ -40,7 +40,7 @@ _FITTED_ANEW_AT = (8, 16, 32, 64, 128, 256)
 """Records after which the healthy pump is fitted to its whole history anew, linearised about where it stands: resistance,
 weights and flows multiply each other, and a filter that met them one by one is surer than it should be."""
 _NOWHERE = np.empty(0)
-ARRIVAL_KINDS = ("leakage, laminar", "leakage, mixed")
+ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
 """Mean and spread of what a pump leaks on top that arrives worn: the acceptance limit lies 0.2 above the nominal pump's
 case flow, a pump twice as far gone at 2.7 L/min."""
@@ -79,12 +79,13 @@ class Measurement:
     Attributes
     ----------
     values, noise
-        Discharge pressure, case pressure and zero [bar], logarithm of order n, line at once per revolution [bar],
-        shape (5,), and their covariance, shape (5, 5).
+        Discharge pressure, case pressure and zero [bar], order n of both pressures over the twin's [-], line at once
+        per revolution of discharge pressure [bar], shape (6,), and their covariance, shape (6, 6).
     seen
         Which of them were measured, in rising order, shape (k,).
     anchor, ripple
-        The nominal twin at the window's condition (``detectors.anchor``) and its order n with slopes.
+        The nominal twin at the window's condition (``detectors.anchor``), and how its order n of either pressure
+        answers to each component, shape (2, N_COMPONENTS).
     reservoir_measured
         False where the pump type's nominal reservoir pressure stands in for a sensor.
     """
@@ -158,6 +159,12 @@ class Bank:
             self._fit_anew()
         if self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0:
             self._keep(np.flatnonzero(self.shape[: self.n] != ARRIVAL))
+
+    def supplement(self, measurement: Measurement) -> None:
+        """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
+        self._take(measurement, slice(self.n), 1, _NOWHERE)
+        self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
+        self.learnt[-1] = (*self.learnt[-1], measurement)
 
     def _fit_anew(self) -> None:
         """Fit what is alive from the first record on to everything learnt, linearised about where it stands now."""

@@ -13,9 +13,9 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 STUDENT_DEGREES = 5.0
-N_MEASURED = 5
-"""Discharge pressure, case pressure, zero of the case sensor, logarithm of order n, line at once per revolution."""
-DISCHARGE, CASE, ZERO, RIPPLE, LINE = range(N_MEASURED)
+N_MEASURED = 6
+"""Discharge pressure, case pressure, zero of the case sensor, order n of both pressures, line at once per turn."""
+DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
 
 _AMPLITUDE, _RATE, _N = N_COMPONENTS, N_COMPONENTS + 1, N_COMPONENTS + 2
 
@@ -24,10 +24,10 @@ _AMPLITUDE, _RATE, _N = N_COMPONENTS, N_COMPONENTS + 1, N_COMPONENTS + 2
 def predicted(
     state: Array, direction: Array, anchor: Array, ripple: Array, full: Array, slopes: Array, y: Array, H: Array
 ) -> None:
-    """What a state says the sensors show, ``y`` (5,), and its slopes ``H`` (5, N_STATE).
+    """What a state says the sensors show, ``y`` (6,), and its slopes ``H`` (6, N_STATE).
 
-    ``direction`` (N_COMPONENTS,) is what the amplitude moves; ``ripple`` holds the logarithm of the twin's order n
-    and its slopes by the components, shape (1 + N_COMPONENTS,); ``full`` and ``slopes`` are work space.
+    ``direction`` (N_COMPONENTS,) is what the amplitude moves; ``ripple`` holds the relative slopes of order n of both
+    pressures by the components, shape (2, N_COMPONENTS); ``full`` and ``slopes`` are work space.
     """
     for j in range(N_COMPONENTS):
         full[j] = state[j] + direction[j] * state[_AMPLITUDE]
@@ -39,13 +39,16 @@ def predicted(
     H[1, CASE_OFFSET] = 1.0
     y[2] = full[CASE_OFFSET] + full[RESERVOIR]
     H[2, CASE_OFFSET], H[2, RESERVOIR] = 1.0, 1.0
-    y[3] = ripple[0] + full[LN_RIPPLE]
-    for j in range(N_COMPONENTS):
-        y[3] += ripple[1 + j] * full[j]
-        H[3, j] = ripple[1 + j]
-    H[3, LN_RIPPLE] += 1.0
-    y[4] = abs(full[ONCE])
-    H[4, ONCE] = 1.0 if full[ONCE] >= 0.0 else -1.0
+    for r in range(2):
+        gain = math.exp(full[LN_RIPPLE + r])
+        ratio = 1.0
+        for j in range(N_COMPONENTS):
+            ratio += ripple[r, j] * full[j]
+            H[3 + r, j] = gain * ripple[r, j]
+        y[3 + r] = gain * ratio
+        H[3 + r, LN_RIPPLE + r] += gain * ratio
+    y[LINE] = abs(full[ONCE])
+    H[LINE, ONCE] = 1.0 if full[ONCE] >= 0.0 else -1.0
     for i in range(N_MEASURED):
         total = 0.0
         for j in range(N_COMPONENTS):
@@ -98,9 +101,9 @@ def step(
     anchor, ripple
         The nominal twin at the condition, and its order n.
     values, noise
-        What was measured, shape (5,), and its covariance, shape (5, 5).
+        What was measured, shape (6,), and its covariance, shape (6, 6).
     seen
-        Which of the five were measured, in rising order, shape (k,).
+        Which of the six were measured, in rising order, shape (k,).
     iterations
         How often the twin is linearised anew about the updated state.
     about

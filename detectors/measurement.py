@@ -1,8 +1,8 @@
 """From a history's windows to what a filter bank takes: numbers, their noise, and the nominal twin beside them."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from detectors.anchor import COLUMN, anchors
 from detectors.components import N_COMPONENTS
 from detectors.filter_bank import Measurement
-from detectors.filter_kernel import CASE, DISCHARGE, N_MEASURED, ZERO
+from detectors.filter_kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, RIPPLE, ZERO
 from detectors.observation import Observation, Residual, Window, WindowKind, Zero
 from detectors.reduced_twin import nominal_pressures
 from detectors.residuals import (
@@ -20,29 +20,47 @@ from detectors.residuals import (
     matching_condition,
     reservoir_noise_sd,
 )
+from detectors.ripple import CASE_RIPPLE_SD, LINE_SD_BAR, RIPPLE_SD, ripples, surfaces_of
+from detectors.signature import Spectrum
+from twin.condition import Condition
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
 
 MOST_WINDOWS = 3
 """Windows of one record that are learnt from; a longer list adds hardly anything but correlated errors."""
-NO_RIPPLE = np.zeros(1 + N_COMPONENTS)
+NO_RIPPLE = np.zeros((2, N_COMPONENTS))
+_ORDER_N = ((RIPPLE, "discharge_pressure_bar", RIPPLE_SD), (CASE_RIPPLE, "case_pressure_bar", CASE_RIPPLE_SD))
+_FAINT = 3.0
+"""Standard errors that order n must stand out by to count."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What one record adds: a measurement per window, and the residuals of the window that the flight is judged by."""
+    """What one record adds: a measurement per window, the residuals of the window that the flight is judged
+    by, and what each later burst of the flight adds, by its record.
+    """
 
     measurements: tuple[Measurement, ...]
     residuals: dict[str, Residual]
+    supplements: Mapping[str, Measurement]
 
 
-def measured_windows(observations: Sequence[Observation], pump: PumpType, circuit: Circuit) -> dict[str, Measured]:
-    """Measurements of every record with an accepted zero-flow window that the twin can follow, by record."""
+def measured_windows(
+    observations: Sequence[Observation],
+    bursts: Mapping[str, Sequence[Observation]],
+    pump: PumpType,
+    circuit: Circuit,
+) -> dict[str, Measured]:
+    """Measurements of every record with an accepted zero-flow window that the twin can follow, by record.
+
+    ``bursts`` are the other records of the same flight that hold a spectrum, by the record that they belong to.
+    """
     windows = [(o, w) for o in observations for w in _judged(o)]
     if not windows:
         return {}
-    rows, solved = anchors([matching_condition(w, pump) for _, w in windows], pump, circuit)
+    conditions = [matching_condition(w, pump) for _, w in windows]
+    rows, solved = anchors(conditions, pump, circuit)
     found: dict[str, Measured] = {}
     for (observation, window), anchor, good in zip(windows, rows, solved, strict=True):
         if not good:
@@ -52,8 +70,68 @@ def measured_windows(observations: Sequence[Observation], pump: PumpType, circui
         taken = earlier.measurements if earlier else ()
         # the zero is one measurement of the record, however many windows it has
         measurement = _measurement(window, zero, anchor, pump, with_zero=not taken)
-        found[observation.record_id] = Measured((*taken, measurement), _residuals(window, zero, anchor, pump))
+        found[observation.record_id] = Measured((*taken, measurement), _residuals(window, zero, anchor, pump), {})
+    return _with_lines(found, observations, bursts, conditions, windows, pump, circuit)
+
+
+def _with_lines(
+    found: dict[str, Measured],
+    observations: Sequence[Observation],
+    bursts: Mapping[str, Sequence[Observation]],
+    conditions: Sequence[Condition],
+    windows: Sequence[tuple[Observation, Window]],
+    pump: PumpType,
+    circuit: Circuit,
+) -> dict[str, Measured]:
+    """Add what fast records show to the last window of their flight."""
+    last = {o.record_id: c for (o, _), c in zip(windows, conditions, strict=True)}
+    fast = [
+        o
+        for o in observations
+        if o.record_id in found and (o.reduction.spectrum is not None or bursts.get(o.record_id))
+    ]
+    if not fast:
+        return found
+    surfaces = surfaces_of(pump)
+    amplitudes, slopes = np.full((len(fast), 2), np.nan), np.tile(NO_RIPPLE, (len(fast), 1, 1))
+    if surfaces is not None:
+        law = np.array([found[o.record_id].measurements[-1].anchor[COLUMN["system_law"]] for o in fast])
+        amplitudes, slopes = ripples([last[o.record_id] for o in fast], pump, circuit, surfaces, law)
+    for observation, twin, relative in zip(fast, amplitudes, slopes, strict=True):
+        measured = found[observation.record_id]
+        *rest, plain = measured.measurements
+        whole = _lines(plain, observation.reduction.spectrum, twin, relative, pump)
+        supplements = {}
+        for burst in bursts.get(observation.record_id, ()):
+            supplement = _lines(plain, burst.reduction.spectrum, twin, relative, pump)
+            if supplement is not plain:
+                only = supplement.seen[supplement.seen > ZERO]
+                supplements[burst.record_id] = replace(supplement, seen=only)
+        found[observation.record_id] = Measured((*rest, whole), measured.residuals, supplements)
     return found
+
+
+def _lines(
+    measurement: Measurement, spectrum: Spectrum | None, twin: Array, relative: Array, pump: PumpType
+) -> Measurement:
+    """The measurement with the lines of a spectrum; unchanged where none of them stands out."""
+    if spectrum is None:
+        return measurement
+    values, noise = measurement.values.copy(), measurement.noise.copy()
+    seen = list(measurement.seen)
+    n = int(pump.pump.piston.n)
+    for k, (place, channel, share) in enumerate(_ORDER_N):
+        line = spectrum.channels[channel].line(n) if channel in spectrum.channels else None
+        if line is None or not math.isfinite(twin[k]) or line.amplitude_bar < _FAINT * line.standard_error_bar:
+            continue
+        values[place] = line.amplitude_bar / twin[k]
+        noise[place, place] = (line.standard_error_bar / twin[k]) ** 2 + (share * values[place]) ** 2
+        seen.append(place)
+    once = spectrum.channels["discharge_pressure_bar"].line(1)
+    values[LINE] = once.amplitude_bar
+    noise[LINE, LINE] = once.standard_error_bar**2 + LINE_SD_BAR**2
+    seen.append(LINE)
+    return replace(measurement, values=values, noise=noise, seen=np.array(seen), ripple=relative)
 
 
 def _judged(observation: Observation) -> list[Window]:

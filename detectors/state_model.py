@@ -49,7 +49,8 @@ class FaultKind:
 
 
 FAULT_KINDS: tuple[FaultKind, ...] = (
-    FaultKind("leakage, laminar", State.PUMP_DEGRADATION, (("laminar_extra", 1.0),), 0.4, 0.05, 1),
+    FaultKind("leakage, slippers", State.PUMP_DEGRADATION, (("slipper_extra", 1.0),), 0.4, 0.05, 1),
+    FaultKind("leakage, port plate", State.PUMP_DEGRADATION, (("laminar_extra", 1.0),), 0.4, 0.05, 1),
     FaultKind("leakage, mixed", State.PUMP_DEGRADATION, (("slipper_extra", 0.5), ("throttled", 0.5)), 0.4, 0.05, 1),
     FaultKind("leakage, throttled", State.PUMP_DEGRADATION, (("throttled", 1.0),), 0.4, 0.05, 1),
     FaultKind(
@@ -106,6 +107,7 @@ _WALK: dict[str, float] = {
     "case_offset": 0.006,
     "reservoir": 0.0005,
     "ln_ripple": 0.001,
+    "ln_case_ripple": 0.002,
     "once": 0.002,
 }
 """One-sigma change of each component from record to record of a healthy pump (estimates, held against the studies of
@@ -144,6 +146,7 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
         "case_offset": population["case_zero_bar"].value,
         "reservoir": MEASURED_RESERVOIR_SD_BAR,
         "ln_ripple": 0.2,
+        "ln_case_ripple": 0.3,
         "once": 0.03,
     }
     for name, value in spread.items():

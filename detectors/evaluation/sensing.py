@@ -4,10 +4,17 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+from numpy.typing import NDArray
 
 from detectors.evaluation.reality import Flights
 from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
+from detectors.signature import ChannelSpectrum, OrderLine, Spectrum
+from twin.burst import measured_amplitudes
+from twin.condition import Health
+from twin.orders import CHANNELS, order_amplitudes, order_surfaces
 from twin.parameters import PumpType
+
+Array = NDArray[np.float64]
 
 START = datetime(2026, 1, 5, 8, 0, tzinfo=UTC)
 
@@ -27,6 +34,9 @@ class Sensing:
     missing_zero: float = 0.05
     dropout: float = 0.05
     outlier: float = 0.003
+    burst: bool = False
+    """A burst of 2 s at 10 kHz in the zero-flow window: 12-bit converters over 350 and 5 bar, white noise of 0.15 bar
+    and 3 mbar, which dithers the coarser step of 85 mbar."""
 
 
 def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random.Generator) -> list[History]:
@@ -48,10 +58,12 @@ def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random
     reservoir_error = normal(0.0, 0.01, (n_pumps, 1)) + normal(0.0, 0.004, shape)
     has_zero = sensing.zero_measured & (rng.uniform(size=shape) >= sensing.missing_zero)
     flown = rng.uniform(size=shape) >= sensing.dropout
-    if sensing.reservoir_measured:
-        zero = zero - reservoir_error
-    else:
-        zero = zero + flights.reservoir - pump.nominal_reservoir_pressure_bar
+    zero = (
+        zero - reservoir_error
+        if sensing.reservoir_measured
+        else zero + flights.reservoir - pump.nominal_reservoir_pressure_bar
+    )
+    lines = _burst_lines(flights, pump, rng) if sensing.burst else None
     result = []
     for i in range(n_pumps):
         observations = []
@@ -75,9 +87,49 @@ def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random
                     aircraft="A",
                     position="LH",
                     flight_id=str(j),
-                    reduction=Reduction(found, (window,), None),
+                    reduction=Reduction(
+                        found, (window,), None, spectrum=None if lines is None else _spectrum(lines, i, int(j), pump)
+                    ),
                     flight_hours=2.0 * int(j),
                 )
             )
         result.append(History(tuple(observations)))
     return result
+
+
+def _burst_lines(flights: Flights, pump: PumpType, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Measured amplitudes of orders 1, n - 1, n, n + 1, 2 n and their errors, shape (n_pumps, n_flights, 2, 5).
+
+    The surfaces of the transient pump give the answer to condition and health; each pump has gains of its own
+    (volumes and lines of the aircraft, +-20 %), answers to faults up to some 20 % stronger or weaker, and wanders by
+    1.5 % from flight to flight.
+    """
+    n_pumps, n_flights = flights.discharge.shape
+    surfaces = order_surfaces(pump.name)
+    rows = flights.rows.reshape(-1, flights.rows.shape[-1])
+    healthy = rows.copy()
+    healthy[:, len(healthy[0]) - len(Health()) :] = Health()
+    shape = (n_pumps, n_flights, len(CHANNELS), 5)
+    true = order_amplitudes(surfaces, pump.pump, rows).reshape(shape)
+    nominal = order_amplitudes(surfaces, pump.pump, healthy).reshape(shape)
+    answer = rng.normal(1.0, 0.2, (n_pumps, 1, 1, 1))
+    gain = np.exp(rng.normal(0.0, 0.2, (n_pumps, 1, len(CHANNELS), 1)))
+    wander = np.exp(rng.normal(0.0, 0.015, shape))
+    even = slice(2, 5, 2)
+    lines = np.zeros(shape)
+    lines[..., even] = (nominal * (true / np.maximum(nominal, 1.0e-9)) ** answer * gain * wander)[..., even]
+    once = flights.once * np.exp(rng.normal(0.0, 0.05, flights.once.shape))
+    lines[:, :, 0, 0], lines[:, :, 1, 0] = once, 0.05 * once
+    return measured_amplitudes(lines, rng)
+
+
+def _spectrum(lines: tuple[Array, Array], i: int, j: int, pump: PumpType) -> Spectrum:
+    n = int(pump.pump.piston.n)
+    channels = {}
+    for k, name in enumerate(CHANNELS):
+        found = tuple(
+            OrderLine(order, float(lines[0][i, j, k, m]), float(lines[1][i, j, k, m]), None)
+            for m, order in enumerate((1, n - 1, n, n + 1, 2 * n))
+        )
+        channels[name] = ChannelSpectrum(found, (0.15, 0.003)[k], 0.0, None, (350.0 / 4096, 5.0 / 4096)[k], True)
+    return Spectrum(60.0, 62.0, pump.nominal_speed_rpm, 150.0, channels)

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,13 +150,24 @@ def stepping(kinds: tuple[str, ...], amount: float, start: int = 40) -> Callable
     return course
 
 
-ROWS: tuple[Row, ...] = (
+def both(*faults: tuple[str, float], flights: int = 150, start: int = 40) -> Callable[..., tuple[Course, ...]]:
+    """Faults that grow side by side."""
+
+    def course(rng: np.random.Generator, n: int, m: int, chunk: int) -> tuple[Course, ...]:
+        return tuple(growing((kind,), amount, flights, start)(rng, n, m, chunk)[0] for kind, amount in faults)
+
+    return course
+
+
+PLAIN_ROWS: tuple[Row, ...] = (
     Row("healthy", State.HEALTHY, 250),
     Row("pump leakage 0.6 L/min", State.PUMP_DEGRADATION, 200, growing(LEAKS, 0.6)),
+    Row("uneven wear", State.PUMP_DEGRADATION, 200, growing(("three pistons", "one slipper"), 0.15)),
     Row("system leakage 3 L/min", State.SYSTEM_LEAKAGE, 200, growing(("system",), 3.0)),
     Row("drain +30 %", State.DRAIN_RESTRICTION, 120, stepping(("drain",), 0.3)),
     Row("setting 1.5 bar", State.COMPENSATOR_FAULT, 200, growing(("setting",), -1.5)),
     Row("setting 3 bar", State.COMPENSATOR_FAULT, 200, growing(("setting",), -3.0)),
+    Row("edge radius x10", State.COMPENSATOR_FAULT, 200, growing(("erosion",), 45.0)),
     Row("case zero +0.06 bar", State.SENSOR_FAULT, 120, sensing=Sensing(case_zero_step=0.06, step_at=40)),
     Row(
         "case zero +0.06 bar, zero not measured",
@@ -164,5 +175,15 @@ ROWS: tuple[Row, ...] = (
         120,
         sensing=Sensing(case_zero_step=0.06, step_at=40, zero_measured=False),
     ),
+    Row("reservoir not measured", State.HEALTHY, 120, sensing=Sensing(reservoir_measured=False)),
     Row("worn on arrival", State.PUMP_DEGRADATION, 30, worn=True),
+    Row("two faults: pump 0.6, system 1 L/min", State.PUMP_DEGRADATION, 200, both(("slippers", 0.6), ("system", 1.0))),
+    Row(
+        "two faults: drain +30 %, setting 3 bar", State.COMPENSATOR_FAULT, 200, both(("setting", -3.0), ("drain", 0.3))
+    ),
 )
+ROWS: tuple[Row, ...] = (
+    *PLAIN_ROWS,
+    *(replace(r, name=f"{r.name}; burst", sensing=replace(r.sensing, burst=True)) for r in PLAIN_ROWS),
+)
+"""With one 1 Hz zero-flow window a flight, and with a burst in it."""
