@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from detectors.signature import LoadStep
 from detectors.statistics import mean_with_error, without_spikes
@@ -123,7 +124,8 @@ def _step(
     at, deviation = time[edge : last - guard][known] - time[edge], way[known]
     excursion = float(deviation[np.argmax(np.abs(deviation))])
     band = max(0.1 * abs(excursion), 4.0 * after.noise)
-    outside = np.flatnonzero(np.abs(deviation) > band)
+    # the middle of three neighbours: one noisy sample does not make the recovery longer
+    outside = np.flatnonzero(median_filter(np.abs(deviation), 3, mode="nearest") > band)
     leaves = int(outside[-1]) + 1 if len(outside) else 0
     recovery = float(at[min(leaves, len(at) - 1)])
     change = after.pressure - before.pressure
@@ -143,8 +145,8 @@ def _step(
         droop_error,
         excursion,
         recovery,
-        # both ends fall anywhere between two samples, and noise moves where the band is crossed
-        math.hypot(step / math.sqrt(6.0), after.noise * recovery / max(abs(excursion), band)),
+        # both ends fall anywhere between two samples, and noise moves where an exponential crosses the band
+        math.hypot(step / math.sqrt(6.0), after.noise * recovery / (math.log(10.0) * band)),
         band,
     )
 

