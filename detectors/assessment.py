@@ -27,10 +27,6 @@ MAINTENANCE_RESETS: Mapping[str, tuple[str, ...]] = {
     "sensor_replaced": ("case_offset",),
 }
 """Components of the state that each action makes unknown again."""
-WORN_PROBABILITY = 0.95
-WORN_MARGIN = 1.2
-"""A pump is worn on sight when its case flow lies above the limit by this factor with that probability: drain
-resistance and leakage of a new installation cannot be told apart any better (estimate)."""
 
 
 def assess(
@@ -165,7 +161,7 @@ class _Fold:
             self.verdict = replace(previous, quality=quality)
             return self.verdict
         found = evidence(self.bank, self.thresholds)
-        values, smallest = estimates(self.bank, found.weights, self.reference)
+        values, smallest = estimates(self.bank, found, self.reference)
         limit = self.thresholds["case_flow_limit_lpm"]
         missing = int(self.thresholds["baseline_records"]) - self.since_installed
         decision = Decision(State.INSUFFICIENT_DATA)

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.components import INDEX, N_COMPONENTS
-from detectors.filter_kernel import advance, log_weights, step
+from detectors.filter_kernel import advance, step
+from detectors.filter_summary import ARRIVAL, spawned
 from detectors.state_model import (
     AMPLITUDE,
     FAULT_KINDS,
     MEASURED_RESERVOIR_SD_BAR,
     N_KINDS,
     N_STATE,
-    RATE,
     UNMEASURED_RESERVOIR_WALK_BAR,
     directions,
     kind_scales,
@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 HEALTHY = -1
-STEP, RAMP, ARRIVAL = 0, 1, 2
 SPAWN_EVERY = 4
 MOST_ONSETS = 5
 _FIRST_RECORDS = 5
@@ -50,8 +49,8 @@ ARRIVAL_FLOOR_LPM = 0.5
 """Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
 _LOG_ARRIVAL = float(np.log(0.04))
 """Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
-LOG_HAZARD = (float(np.log(1.0e-3)), float(np.log(1.0e-3)))
-"""Prior of one kind of fault setting in, as a step or as a ramp, within the spacing of onset candidates."""
+LOG_HAZARD = float(np.log(1.0e-3))
+"""Prior of one kind of fault setting in, as a step or as a ramp, within the spacing of onset candidates (estimate)."""
 RAMP_RECORDS = 50.0
 """Records in which a ramp of one sigma grows by a fault's scale (estimate)."""
 _AMPLITUDE_WALK = np.array([0.01, 0.01, 0.0])
@@ -60,9 +59,6 @@ _CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * 2 * MOST_ONSETS
 
 _DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
 _SCALES = np.append(kind_scales(), 0.0)
-_FLOORS = np.array([k.floor for k in FAULT_KINDS] + [0.0])
-_IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False])
-_SIGNS = np.array([k.sign for k in FAULT_KINDS])
 _WALK = walk_variance()
 
 
@@ -210,26 +206,20 @@ class Bank:
 
     def spawn(self) -> None:
         """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way."""
-        for kind in range(N_KINDS):
-            for shape in (STEP, RAMP):
-                place = self._place(kind, shape)
-                self.mean[place] = self.mean[0]
-                self.covariance[place] = self.covariance[0]
-                scale = _SCALES[kind]
-                if shape == STEP:
-                    self.covariance[place, AMPLITUDE, AMPLITUDE] = scale**2
-                else:
-                    self.covariance[place, RATE, RATE] = (scale / RAMP_RECORDS) ** 2
-                self.kind[place], self.shape[place], self.onset[place] = kind, shape, self.records
-                self.log_evidence[place] = self.log_evidence[0] + LOG_HAZARD[shape]
-
-    def _place(self, kind: int, shape: int) -> int:
-        """A free row, or that of the least likely onset of this kind and shape."""
-        held = np.flatnonzero((self.kind[: self.n] == kind) & (self.shape[: self.n] == shape))
-        if len(held) < MOST_ONSETS:
-            self.n += 1
-            return self.n - 1
-        return int(held[np.argmin(self.log_evidence[held])])
+        self.n = spawned(
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.shape,
+            self.onset,
+            self.log_evidence,
+            self.n,
+            self.records,
+            _SCALES[:-1],
+            RAMP_RECORDS,
+            LOG_HAZARD,
+            MOST_ONSETS,
+        )
 
     def reset(self, components: tuple[str, ...]) -> None:
         """After maintenance that touched ``components`` their spread is the population's again.
@@ -261,17 +251,3 @@ class Bank:
         self._forget(place, spread)
         self.mean[: self.n, place] = 0.0
         self.reservoir_measured = measured
-
-    def floors(self, sensor_shift_bar: float) -> Array:
-        """Size of each filter's fault below which it is not worth a word, shape (n,)."""
-        floors = _FLOORS.copy()
-        floors[_IS_SENSOR] = sensor_shift_bar
-        floor: Array = floors[self.kind[: self.n]]
-        floor[self.shape[: self.n] == ARRIVAL] = ARRIVAL_FLOOR_LPM
-        return floor
-
-    def log_weights(self) -> Array:
-        """Log posterior weight of each filter, one-sided faults weighed by the sign they came out with, (n,)."""
-        out = np.empty(self.n)
-        log_weights(self.mean, self.covariance, self.kind, self.log_evidence, self.n, _SIGNS, out)
-        return out

@@ -215,26 +215,6 @@ def advance(mean: Array, covariance: Array, n_filters: int, walk: Array, amplitu
 
 
 @compiled
-def log_normal_above(z: float) -> float:
-    """Logarithm of the standard normal distribution function at z."""
-    if z > -8.0:
-        return math.log(0.5 * math.erfc(-z / math.sqrt(2.0)))
-    return -0.5 * z * z - math.log(-z * math.sqrt(2.0 * math.pi))
-
-
-@compiled
-def log_weights(
-    mean: Array, covariance: Array, kind: Integers, log_evidence: Array, n_filters: int, signs: Integers, out: Array
-) -> None:
-    """Log posterior weight of every filter, one-sided faults weighed by the sign they came out with."""
-    for f in range(n_filters):
-        out[f] = log_evidence[f]
-        if kind[f] >= 0 and signs[kind[f]] == 1:
-            spread = math.sqrt(max(covariance[f, _AMPLITUDE, _AMPLITUDE], 1.0e-300))
-            out[f] += log_normal_above(mean[f, _AMPLITUDE] / spread) + math.log(2.0)
-
-
-@compiled
 def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) -> tuple[float, float]:
     """Case flow of one filter's state at an anchor and its variance [L/min, (L/min)^2], by forward differences."""
     full, slopes, y = np.empty(N_COMPONENTS), np.empty((2, N_COMPONENTS)), np.empty(2)

@@ -1,13 +1,15 @@
 """From the evidence of a bank to words: sequential alarm, the fault it names, or what remains possible."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.filter_bank import ARRIVAL, Bank
-from detectors.state_model import AMPLITUDE, FAULT_KINDS
+from detectors.filter_bank import ARRIVAL_FLOOR_LPM, Bank
+from detectors.filter_summary import summed
+from detectors.state_model import FAULT_KINDS
 from detectors.verdict import FAULTS, State
 
 Array = NDArray[np.float64]
@@ -18,6 +20,13 @@ records share what it misses. At 0.7, five of forty short histories with a leaki
 their candidates, at 0.5 one (our own simulations); a population study has yet to calibrate it."""
 
 
+QUANTITIES: Mapping[str, tuple[str, ...]] = {
+    "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra", "throttled"),
+    "system_leakage_change_lpm": ("system_orifice", "system_laminar"),
+    "pressure_setting_change_bar": ("setting",),
+    "drain_resistance_change_percent": ("ln_drain",),
+}
+"""Estimated changes, and the components that they are counted in."""
 WORN_PROBABILITY = 0.5
 """Probability of having arrived worn from which a pump is called so."""
 
@@ -28,7 +37,8 @@ class Evidence:
 
     ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
     ``weights`` are the filters' shares, shape (m,); ``shares`` are those of
-    the faults among what changed since the first record; ``arrival`` is the probability that the pump came worn.
+    the faults among what changed since the first record; ``arrival`` is the probability that the pump came worn;
+    ``moments`` belong to ``QUANTITIES``: see ``detectors.filter_summary.summed``.
     """
 
     log_odds: float
@@ -36,6 +46,7 @@ class Evidence:
     weights: Array
     shares: Mapping[State, float]
     arrival: float
+    moments: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,27 +73,41 @@ class Decision:
 
 
 def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
-    """Sum the bank's filters by the state they stand for."""
-    kinds = bank.kind[: bank.n]
-    small = np.abs(bank.mean[: bank.n, AMPLITUDE]) < bank.floors(thresholds["sensor_shift_bar"])
-    states = np.where(small, -1, _STATES[kinds])
-    arrived = bank.shape[: bank.n] == ARRIVAL
-    log_weights = bank.log_weights()
-    share = np.exp(log_weights - log_weights.max())
-    # the healthy pump's place is the last
-    places = np.where(states < 0, len(FAULTS), states)
-    sums = np.bincount(places, weights=share, minlength=len(FAULTS) + 1)
-    # how a pump came is a question of its own: an alarm is raised by what changed since
-    changed = np.bincount(np.where(arrived, len(FAULTS), places), weights=share, minlength=len(FAULTS) + 1)
+    """Sum the bank's filters by the state they stand for, and by the quantity they change."""
+    n = bank.n
+    floors = _FLOORS.copy()
+    floors[_IS_SENSOR] = thresholds["sensor_shift_bar"]
+    weights, moments = np.empty(n), np.empty((len(QUANTITIES), 4))
+    sums, changed = np.empty(len(FAULTS) + 1), np.empty(len(FAULTS) + 1)
+    arrival = summed(
+        bank.mean[:n],
+        bank.covariance[:n],
+        bank.kind[:n],
+        bank.shape[:n],
+        bank.onset[:n],
+        bank.log_evidence[:n],
+        bank.records,
+        _SIGNS,
+        floors,
+        _STATES,
+        _GROUPS,
+        weights,
+        sums,
+        changed,
+        moments,
+    )
     tempered = _tempered(sums)
     probabilities = {State.HEALTHY: float(tempered[-1])}
     probabilities |= {f: float(p) for f, p in zip(FAULTS, tempered[:-1], strict=True)}
+    fault, healthy = float(changed[:-1].sum()), float(changed[-1])
     return Evidence(
-        log_odds=float(np.log(max(changed[:-1].sum(), 1.0e-300)) - np.log(max(changed[-1], 1.0e-300))),
-        shares={f: float(v) for f, v in zip(FAULTS, _tempered(changed[:-1]), strict=True)},
+        # how a pump came is a question of its own: an alarm is raised by what changed since
+        log_odds=math.log(max(fault, 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
         probabilities=probabilities,
-        weights=share / share.sum(),
-        arrival=float(share[arrived & ~small].sum() / share.sum()),
+        weights=weights,
+        shares={f: float(v) for f, v in zip(FAULTS, _tempered(changed[:-1]), strict=True)},
+        arrival=arrival,
+        moments=moments,
     )
 
 
@@ -108,6 +133,11 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
     return following, Decision(State.INDETERMINATE, candidates)
 
 
+def _group(component: str) -> int:
+    """Number of the quantity that a component counts for; -1 for none."""
+    return next((i for i, names in enumerate(QUANTITIES.values()) if component in names), -1)
+
+
 def _tempered(sums: Array) -> Array:
     """Shares of evidence sums, tempered; they add up to 1."""
     powers = np.maximum(sums / max(sums.max(), 1.0e-300), 1.0e-300) ** TEMPER
@@ -115,9 +145,9 @@ def _tempered(sums: Array) -> Array:
     return shares
 
 
-def _state_number(state: State) -> int:
-    return FAULTS.index(state)
-
-
-_STATES = np.array([_state_number(k.state) for k in FAULT_KINDS] + [-1])
-"""State of each kind of fault, the healthy pump last."""
+_STATES = np.array([FAULTS.index(k.state) if k.state in FAULTS else len(FAULTS) for k in FAULT_KINDS] + [len(FAULTS)])
+_FLOORS = np.array([k.floor for k in FAULT_KINDS] + [0.0, ARRIVAL_FLOOR_LPM])
+_IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False, False])
+_SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])
+_GROUPS = np.array([_group(k.component) for k in FAULT_KINDS] + [-1])
+"""By kind of fault, the healthy pump last: number of its state, floor (arrivals after that), sign, quantity."""

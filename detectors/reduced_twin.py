@@ -162,7 +162,7 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
         dP_c = R_i * (dS + Q_sys_by_D * dD + shared * case_flow) + R_c * case_flow + direct
         slopes[0, i] = dP_c + dD
         slopes[1, i] = dP_c
-    return Q_c
+    return float(Q_c)
 
 
 def nominal_pressures(anchor: Array) -> tuple[float, float]:

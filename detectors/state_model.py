@@ -27,7 +27,7 @@ gives 260 mbar with 0.22 L/min, three pistons +150 % give 57 mbar with 0.056 L/m
 
 @dataclass(frozen=True, slots=True)
 class FaultKind:
-    """One way in which something can go wrong: which components move with its amplitude, how far, in which direction.
+    """One way in which something can change, mostly for the worse: which components move with its amplitude, how far, in which direction.
 
     ``scale`` is the one-sigma size of a fault in the first component's unit; ``floor`` the size below which it is
     not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does
@@ -67,6 +67,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     FaultKind("system leakage, laminar", State.SYSTEM_LEAKAGE, (("system_laminar", 1.0),), 1.5, 0.3, 1),
     FaultKind("drain restriction", State.DRAIN_RESTRICTION, (("ln_drain", 1.0),), 0.3, 0.06, 1),
     FaultKind("case sensor", State.SENSOR_FAULT, (("case_offset", 1.0),), 0.15, 0.06, 0, "case_pressure_bar"),
+    FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.05, 0.0, 0),
     FaultKind("reservoir sensor", State.SENSOR_FAULT, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar"),
 )
 """Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show."""

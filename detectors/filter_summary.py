@@ -1,0 +1,145 @@
+"""What a bank says in sums: weights by state and by quantity. Compiled, one pass over the filters."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.components import N_COMPONENTS
+from twin.compiled import compiled
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+STEP, RAMP, ARRIVAL = 0, 1, 2
+"""Shapes of a fault: there at once, growing, there from the first record on."""
+_AMPLITUDE, _RATE, _N = N_COMPONENTS, N_COMPONENTS + 1, N_COMPONENTS + 2
+
+
+@compiled
+def log_normal_above(z: float) -> float:
+    """Logarithm of the standard normal distribution function at z."""
+    if z > -8.0:
+        return math.log(0.5 * math.erfc(-z / math.sqrt(2.0)))
+    return -0.5 * z * z - math.log(-z * math.sqrt(2.0 * math.pi))
+
+
+@compiled
+def summed(
+    mean: Array,
+    covariance: Array,
+    kind: Integers,
+    shape: Integers,
+    onset: Integers,
+    log_evidence: Array,
+    records: int,
+    signs: Integers,
+    floors: Array,
+    states: Integers,
+    groups: Integers,
+    weights: Array,
+    all_sums: Array,
+    changed: Array,
+    moments: Array,
+) -> float:
+    """Sum the filters, in place; returns the share of pumps that came worn.
+
+    Parameters
+    ----------
+    mean, covariance, kind, shape, onset, log_evidence
+        The bank's filters, first axis m.
+    records
+        Number of records seen.
+    signs, floors, states, groups
+        By kind of fault, the healthy pump (-1) last: sign, smallest size worth a word (arrivals: the entry after the
+        healthy pump's), number of the state, number of the quantity (-1: none).
+    weights
+        Receives posterior shares, shape (m,); one-sided faults are weighed by the sign they came out with.
+    all_sums, changed
+        Receive the shares by state, the healthy pump last, shape (n_states + 1,): of all, and of what changed since the
+        first record (an arrival counts as healthy there).
+    moments
+        Receives by quantity: share, first and second moment of the amplitude, and how well a sudden fault of the first
+        such kind is known since its oldest onset (0: no onset has seen two records), shape (n_quantities, 4).
+    """
+    m = len(kind)
+    most = -1.0e300
+    for f in range(m):
+        weights[f] = log_evidence[f]
+        if kind[f] >= 0 and signs[kind[f]] == 1:
+            spread = math.sqrt(max(covariance[f, _AMPLITUDE, _AMPLITUDE], 1.0e-300))
+            weights[f] += log_normal_above(mean[f, _AMPLITUDE] / spread) + math.log(2.0)
+        most = max(most, weights[f])
+    total = 0.0
+    for f in range(m):
+        weights[f] = math.exp(weights[f] - most)
+        total += weights[f]
+    all_sums[:], changed[:], moments[:, :] = 0.0, 0.0, 0.0
+    healthy = len(all_sums) - 1
+    arrived = 0.0
+    n_groups = len(moments)
+    oldest = np.full(n_groups, records)
+    first_kind = np.full(n_groups, -1)
+    for k in range(len(groups) - 1, -1, -1):
+        if groups[k] >= 0:
+            first_kind[groups[k]] = k
+    for f in range(m):
+        weights[f] /= total
+        w, k, amplitude = weights[f], kind[f], mean[f, _AMPLITUDE]
+        floor = floors[k] if shape[f] != ARRIVAL else floors[len(floors) - 1]
+        place = states[k] if abs(amplitude) >= floor and k >= 0 else healthy
+        all_sums[place] += w
+        if shape[f] == ARRIVAL:
+            changed[healthy] += w
+            if place != healthy:
+                arrived += w
+        else:
+            changed[place] += w
+        if k < 0 or groups[k] < 0:
+            continue
+        g = groups[k]
+        variance = max(covariance[f, _AMPLITUDE, _AMPLITUDE], 0.0)
+        moments[g, 0] += w
+        moments[g, 1] += w * amplitude
+        moments[g, 2] += w * (variance + amplitude * amplitude)
+        if k == first_kind[g] and shape[f] == STEP and onset[f] <= records - 2 and onset[f] < oldest[g]:
+            oldest[g] = onset[f]
+            moments[g, 3] = math.sqrt(variance)
+    return arrived
+
+
+@compiled
+def spawned(
+    mean: Array,
+    covariance: Array,
+    kind: Integers,
+    shape: Integers,
+    onset: Integers,
+    log_evidence: Array,
+    n: int,
+    records: int,
+    scales: Array,
+    ramp_records: float,
+    log_hazard: float,
+    most_onsets: int,
+) -> int:
+    """A step and a ramp of each kind setting in now, in place; the least likely old onset gives way. New count."""
+    for k in range(len(scales)):
+        for form in (STEP, RAMP):
+            held, place = 0, -1
+            for f in range(n):
+                if kind[f] == k and shape[f] == form:
+                    held += 1
+                    if place < 0 or log_evidence[f] < log_evidence[place]:
+                        place = f
+            if held < most_onsets:
+                place = n
+                n += 1
+            mean[place], covariance[place] = mean[0], covariance[0]
+            if form == STEP:
+                covariance[place, _AMPLITUDE, _AMPLITUDE] = scales[k] ** 2
+            else:
+                covariance[place, _RATE, _RATE] = (scales[k] / ramp_records) ** 2
+            kind[place], shape[place], onset[place] = k, form, records
+            log_evidence[place] = log_evidence[0] + log_hazard
+    return n
