@@ -1,0 +1,225 @@
+"""The linear Gaussian model behind an isolability study: what every flight shows of every component, and its noise.
+
+The judge's own measurement model (``detectors.filter_kernel.predicted``), linearised about the newly installed healthy
+pump, with the judge's own prior, random walks and noise, scaled to the sensors that are asked about.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.anchor import COLUMN, anchors
+from detectors.components import INDEX, N_COMPONENTS, SLIPPER_EXTRA
+from detectors.filter_kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, RIPPLE, ZERO, predicted
+from detectors.isolability_plan import Plan, PlanFaultsError
+from detectors.residuals import (
+    TEMPERATURE_SD_K,
+    TWIN_CASE_SD_BAR,
+    TWIN_CASE_SD_RELATIVE,
+    TWIN_DISCHARGE_SD_BAR,
+)
+from detectors.ripple import CASE_RIPPLE_SD, LINE_SD_BAR, RIPPLE_SD, ripples, surfaces_of
+from detectors.state_model import N_STATE, UNMEASURED_RESERVOIR_WALK_BAR, prior, walk_variance
+from detectors.zero import UNMEASURED_RESERVOIR_SD_BAR
+from twin.burst import DITHER, amplitude_error, resolution_of
+from twin.condition import Condition
+from twin.parameters import Circuit, PumpType, Sensor
+
+Array = NDArray[np.float64]
+
+WINDOW_SE_CASE_BAR = 0.0015
+WINDOW_SE_DISCHARGE_BAR = 0.015
+ZERO_SE_BAR = 0.0005
+"""Standard errors of a window's means and of a zero as simulated flights at 1 Hz show them, sensor noise and wander of
+the conditions together."""
+LARGEST_LEAKAGE_LPM = 1.2
+"""Leakage on top of the healthy pump's that the case sensor's range must still hold."""
+_SPREAD_RESERVOIR = 2.0
+_GOLDEN, _SILVER = (math.sqrt(5.0) - 1.0) / 2.0, math.sqrt(2.0) - 1.0
+_BITS = 12
+_BURST_RATE_HZ, _BURST_S = 10_000.0, 2.0
+_BURST_NOISE_BAR = (0.15, 0.003)
+"""White noise of the two sensors within a burst (that of ``twin.instrumentation``), never below what dithers the
+converter."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightModel:
+    """One flight: ``slopes`` of what it measures by the components, shape (m, N_COMPONENTS), and ``noise``, (m, m)."""
+
+    slopes: Array
+    noise: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Prior variances and walk variances of the components, both (N_COMPONENTS,), and the flights in their order.
+
+    ``case_pressure_range_bar`` is what the case sensor must hold: healthy and cold to worn and pressurised.
+    """
+
+    prior: Array
+    walk: Array
+    flights: tuple[FlightModel, ...]
+    case_pressure_range_bar: tuple[float, float]
+
+
+def model_of(plan: Plan, pump: PumpType, circuit: Circuit) -> Model:
+    """Model of a plan.
+
+    Raises
+    ------
+    PlanFaultsError
+        when the case sensor's range does not hold its pressures, or the twin has no solution at a temperature.
+    """
+    n_flights, n_windows = plan.baseline_flights + plan.flights, plan.windows_per_flight
+    conditions = [
+        Condition(pump.nominal_speed_rpm, t, pump.nominal_reservoir_pressure_bar) for t in temperatures(plan).ravel()
+    ]
+    rows, solved = anchors(conditions, pump, circuit)
+    if not solved.all():
+        worst = conditions[int(np.flatnonzero(~solved)[0])].fluid_temperature_degc
+        raise PlanFaultsError([("temperature_range_degc", f"the twin has no solution at {worst:.0f} degC")])
+    mean, _ = prior(pump)
+    relative = np.zeros((n_flights, 2, N_COMPONENTS))
+    amplitudes = np.full((n_flights, 2), np.nan)
+    surfaces = surfaces_of(pump) if plan.burst else None
+    if surfaces is not None:
+        last = slice(n_windows - 1, None, n_windows)
+        law = rows[last, COLUMN["system_law"]]
+        amplitudes, relative = ripples(conditions[last], pump, circuit, surfaces, law)
+    flights, lowest, highest = [], math.inf, -math.inf
+    for i in range(n_flights):
+        windows = list(_linearised(rows[i * n_windows : (i + 1) * n_windows], mean, relative[i]))
+        flights.append(_flight(plan, windows, rows[i * n_windows : (i + 1) * n_windows], amplitudes[i], pump))
+        lowest = min(lowest, *(y[CASE] for y, _, _ in windows))
+        highest = max(highest, *(worn for _, _, worn in windows))
+    highest += _SPREAD_RESERVOIR * pump.population["reservoir_pressure_bar"].value
+    if highest > plan.sensors.case.full_scale_bar:
+        words = f"{plan.sensors.case.full_scale_bar:g} bar do not hold the {highest:.2f} bar of a worn pump"
+        raise PlanFaultsError([("sensors.case.full_scale_bar", words)])
+    return Model(*_spreads(plan, pump), tuple(flights), (float(lowest), float(highest)))
+
+
+def temperatures(plan: Plan) -> Array:
+    """Fluid temperature of every window, shape (flights of baseline and fault, windows) [degC].
+
+    An even sequence in which flight i and window j do not depend on how many follow: more flights only add.
+    """
+    flight = np.arange(plan.baseline_flights + plan.flights)[:, None]
+    window = np.arange(plan.windows_per_flight)[None, :]
+    share = np.mod(0.5 + flight * _GOLDEN + window * _SILVER, 1.0)
+    low, high = plan.temperature_range_degc
+    return np.asarray(low + (high - low) * share)
+
+
+def _linearised(rows: Array, mean: Array, relative: Array) -> Iterator[tuple[Array, Array, float]]:
+    """What each window shows of the healthy pump, (6,), its slopes, (6, N_COMPONENTS), and a worn pump's case pressure."""
+    full, slopes, y, worn = np.empty(N_COMPONENTS), np.empty((2, N_COMPONENTS)), np.empty(N_MEASURED), mean.copy()
+    worn[SLIPPER_EXTRA] += LARGEST_LEAKAGE_LPM
+    nothing = np.zeros(N_COMPONENTS)
+    for row in rows:
+        H = np.empty((N_MEASURED, N_STATE))
+        predicted(worn, nothing, row, relative, full, slopes, y, H)
+        highest = float(y[CASE])
+        predicted(mean, nothing, row, relative, full, slopes, y, H)
+        yield y.copy(), H[:, :N_COMPONENTS].copy(), highest
+
+
+def _flight(
+    plan: Plan, windows: list[tuple[Array, Array, float]], rows: Array, amplitudes: Array, pump: PumpType
+) -> FlightModel:
+    """Stack the windows, the zero and the lines of one flight.
+
+    Within a flight its windows share the sensors' repeatability and what the twin misses: more windows average the
+    standard errors only.
+    """
+    sensors, w = plan.sensors, len(windows)
+    slopes = [H[[DISCHARGE, CASE]] for _, H, _ in windows]
+    shared = np.zeros((2 * w, 2 * w))
+    own = np.tile([WINDOW_SE_DISCHARGE_BAR**2, WINDOW_SE_CASE_BAR**2], w)
+    discharge, case = np.tile([1.0, 0.0], w), np.tile([0.0, 1.0], w)
+    level = case * np.repeat([y[CASE] for y, _, _ in windows], 2)
+    by_temperature = rows[:, [COLUMN["discharge_by_temperature"], COLUMN["case_by_temperature"]]].ravel()
+    parts = [
+        (_repeatability(sensors.discharge), discharge),
+        (_repeatability(sensors.case), case),
+        (TWIN_DISCHARGE_SD_BAR, discharge),
+        (TWIN_CASE_SD_BAR, case),
+        (TWIN_CASE_SD_RELATIVE, level),
+        (TEMPERATURE_SD_K, by_temperature),
+    ]
+    if sensors.reservoir is not None:
+        parts.append((_repeatability(sensors.reservoir), discharge + case))
+    for sd, pattern in parts:
+        shared += sd**2 * np.outer(pattern, pattern)
+    blocks = [shared + np.diag(own)]
+    if sensors.zero_measured:
+        tank = UNMEASURED_RESERVOIR_SD_BAR if sensors.reservoir is None else _repeatability(sensors.reservoir)
+        slopes.append(windows[0][1][[ZERO]])
+        blocks.append(np.array([[ZERO_SE_BAR**2 + _repeatability(sensors.case) ** 2 + tank**2]]))
+    if plan.burst:
+        seen, noise = _lines(plan, amplitudes, windows[-1][0])
+        slopes.append(windows[-1][1][seen])
+        blocks.append(np.diag(noise))
+    return FlightModel(np.vstack(slopes), _diagonal(blocks))
+
+
+def _lines(plan: Plan, amplitudes: Array, shown: Array) -> tuple[list[int], list[float]]:
+    """Lines of a burst that the judge takes, and the variance of each."""
+    errors = [
+        _line_error(sensor, noise)
+        for sensor, noise in zip((plan.sensors.discharge, plan.sensors.case), _BURST_NOISE_BAR, strict=True)
+    ]
+    seen, variances = [], []
+    for place, k, share in ((RIPPLE, 0, RIPPLE_SD), (CASE_RIPPLE, 1, CASE_RIPPLE_SD)):
+        if np.isfinite(amplitudes[k]):
+            seen.append(place)
+            variances.append((errors[k] / amplitudes[k]) ** 2 + (share * shown[place]) ** 2)
+    return [*seen, LINE], [*variances, errors[0] ** 2 + LINE_SD_BAR**2]
+
+
+def _line_error(sensor: Sensor, noise_bar: float) -> float:
+    resolution = resolution_of(sensor.full_scale_bar, _BITS)
+    return amplitude_error(max(noise_bar, DITHER * resolution), resolution, _BURST_RATE_HZ, _BURST_S)
+
+
+def _spreads(plan: Plan, pump: PumpType) -> tuple[Array, Array]:
+    """Prior and walk variances: the judge's own, where they belong to a sensor in proportion to its accuracy."""
+    _, sd = prior(pump)
+    variance, walk = sd[:N_COMPONENTS] ** 2, walk_variance()[:N_COMPONENTS]
+    by_case = _worse(plan.sensors.case, pump.sensors["case_pressure_bar"]) ** 2
+    variance[INDEX["case_offset"]] *= by_case
+    walk[INDEX["case_offset"]] *= by_case
+    # a discharge sensor that reads wrong looks like a pump that is set wrong; its accuracy counts as two sigma
+    variance[INDEX["setting"]] += (0.5 * plan.sensors.discharge.accuracy_fs * plan.sensors.discharge.full_scale_bar) ** 2
+    place = INDEX["reservoir"]
+    if plan.sensors.reservoir is None:
+        variance[place] = pump.population["reservoir_pressure_bar"].value ** 2
+        walk[place] = UNMEASURED_RESERVOIR_WALK_BAR**2
+    else:
+        by_reservoir = _worse(plan.sensors.reservoir, pump.sensors["reservoir_pressure_bar"]) ** 2
+        variance[place] *= by_reservoir
+        walk[place] *= by_reservoir
+    return variance, walk
+
+
+def _worse(sensor: Sensor, than: Sensor) -> float:
+    return (sensor.full_scale_bar * sensor.accuracy_fs) / (than.full_scale_bar * than.accuracy_fs)
+
+
+def _repeatability(sensor: Sensor) -> float:
+    return sensor.full_scale_bar * sensor.repeatability_fs
+
+
+def _diagonal(blocks: list[Array]) -> Array:
+    """Blocks along the diagonal of one matrix."""
+    n = sum(len(b) for b in blocks)
+    whole, at = np.zeros((n, n)), 0
+    for b in blocks:
+        whole[at : at + len(b), at : at + len(b)] = b
+        at += len(b)
+    return whole
