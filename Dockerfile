@@ -10,7 +10,7 @@ COPY migrations migrations
 RUN python3 -m venv /opt/casedrain && /opt/casedrain/bin/pip install --no-cache-dir .
 # compiled once here, so that no start and no request pays for it
 ENV CASEDRAIN_COMPILE_CACHE=/opt/casedrain/cache
-RUN cd / && /opt/casedrain/bin/python -m twin.warm_up
+RUN cd / && /opt/casedrain/bin/python -m detectors.warm_up
 
 ARG BASE_IMAGE=python:3.12-slim
 FROM ${BASE_IMAGE}

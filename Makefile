@@ -32,7 +32,7 @@ demo: $(VENV)/.installed ## simulate a small fleet, upload it, show verdicts, ke
 	@"$(BIN)/casedrain" demo $(DEMO_ARGS)
 
 test: $(VENV)/.installed ## run every test but the containerised one
-	@"$(BIN)/python" -m twin.warm_up
+	@"$(BIN)/python" -m detectors.warm_up
 	@"$(BIN)/python" -m pytest -n 2 --dist loadfile -m "not containers" $(PYTEST_ARGS)
 
 lint: $(VENV)/.installed ## style and common mistakes

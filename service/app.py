@@ -14,7 +14,7 @@ from fastapi.responses import JSONResponse
 from prometheus_client import Counter, Histogram
 from starlette.exceptions import HTTPException
 
-import twin.warm_up
+import detectors.warm_up
 from service import __version__
 from service.context import Context
 from service.dashboard.pages import STATIC, page_router
@@ -23,7 +23,7 @@ from service.errors import PROBLEM_JSON, Fault, Invalid, Problem
 from service.ingest.decode import Limits
 from service.monitoring.acceptance import Acceptance
 from service.raw_store import RawStore
-from service.routes import fleet, keys, operations, pumps, records, thresholds
+from service.routes import fleet, keys, operations, pumps, records, thresholds, twin_isolability, twin_simulation
 from service.routes import twin as twin_routes
 from service.settings import Settings
 
@@ -40,7 +40,7 @@ def create_app(settings: Settings) -> FastAPI:
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         context = opened(settings)
         app.state.context = context
-        twin.warm_up.warm_up()
+        detectors.warm_up.warm_up()
         worker = threading.Thread(target=_pick_up, args=(context,), name="pick-up", daemon=True)
         worker.start()
         yield
@@ -55,7 +55,7 @@ def create_app(settings: Settings) -> FastAPI:
         responses={"default": {"description": "Problem", "content": {PROBLEM_JSON: {}}}},
     )
     api = APIRouter(prefix=API_PREFIX)
-    for part in (records, pumps, fleet, thresholds, keys, twin_routes):
+    for part in (records, pumps, fleet, thresholds, keys, twin_routes, twin_isolability, twin_simulation):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(operations.router)

@@ -84,7 +84,7 @@ def demo(
     host = "127.0.0.1"
     settings = Settings(auth="off")
     place = free_port(host, port)
-    console.print("Starting the service (the first start compiles the twin, a matter of seconds) …")
+    console.print("Starting the service (the first start compiles the twin, some minutes) …")
     try:
         with served(settings, host, place) as address:
             with Client(address) as client:

@@ -93,6 +93,13 @@ def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAss
     return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
 
 
+def assessed_records(pump_id: int) -> Select[StoredAssessment, Record]:
+    """A pump's assessments with their records, in event order."""
+    query = select(StoredAssessment, Record).join(Record, Record.id == StoredAssessment.record_id)
+    query = query.where(StoredAssessment.pump_id == pump_id)
+    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
+
+
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
     """The newest assessment of each pump that has one."""
     newest = (

@@ -20,6 +20,7 @@ from service.dashboard.charts import sparkline_svg, trend_svg
 from service.errors import NotFound, Problem, Unauthenticated
 from service.monitoring.analysis import thresholds_of
 from service.monitoring.curve import curve_of
+from service.monitoring.forecast import forecast_of
 from service.monitoring.trend import trend_of
 from service.routes.fleet import fleet
 from service.routes.pumps import shown
@@ -187,6 +188,7 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
             "verdict": queries.verdict(session, row),
             "changes": queries.verdict_changes(session, row)[::-1],
             "curve": Markup(curve_svg(curve_of(session, row, None, None, None).curve, f"pump {serial}")),  # noqa: S704
+            "forecast": forecast_of(session, row),
             "trends": _trends(session, row),
             "faults": [State.HEALTHY, *FAULTS],
             "api": f"/api/v1/pumps/{quote(serial, '')}",

@@ -12,6 +12,7 @@ from service import queries
 from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
 from service.monitoring.curve import curve_of, curve_png
+from service.monitoring.forecast import forecast_of
 from service.monitoring.trend import trend_of
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.tables import Pump, StoredAssessment
@@ -89,6 +90,13 @@ def trend(
         row = queries.pump(session, asker, serial, operator)
         items = trend_of(session, row, metric, since, until, points)
     return {"metric": metric, "unit": TREND_METRICS[metric], "items": items}
+
+
+@router.get("/{serial}/forecast", summary="Flight hours to the limit")
+def remaining(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+    """Flight hours until the limit of case flow at the reference condition, or why no forecast is honest."""
+    with context.database.reading() as session:
+        return forecast_of(session, queries.pump(session, asker, serial, operator))
 
 
 @router.get("/{serial}/damage-identification-curve", summary="Damage identification curve", response_model=None)

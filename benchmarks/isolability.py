@@ -1,0 +1,73 @@
+"""What a case sensor can detect and isolate, over its accuracy: the table and the pictures of docs/isolability.md.
+
+Run as ``python -m benchmarks.isolability``; writes benchmarks/results/isolability.json and docs/images/isolability*.svg.
+"""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+
+from detectors.isolability import isolability
+from detectors.isolability_plan import Plan, sensors_of
+from detectors.isolability_svg import isolability_svg, sensor_svg
+from detectors.isolability_table import case_sensor, sensor_table
+from twin.pumps import circuit_parameters, pump_type
+
+ROOT = Path(__file__).resolve().parent.parent
+FULL_SCALES_BAR = (5.0, 10.0, 17.0)
+
+
+def finite(value: object) -> object:
+    """JSON without infinities: null where no size would do."""
+    if isinstance(value, float):
+        return round(value, 4) if math.isfinite(value) else None
+    return value
+
+
+def main() -> None:
+    pump, circuit = pump_type("h225"), circuit_parameters("shared_return")
+    rows = sensor_table(pump, circuit)
+    ranges = sensor_table(pump, circuit, [case_sensor(fs, 0.01) for fs in FULL_SCALES_BAR])
+    plans = {
+        "records at 1 Hz": Plan(sensors_of(pump)),
+        "with bursts": Plan(sensors_of(pump), burst=True),
+        "one temperature": Plan(sensors_of(pump), temperature_range_degc=(50.0, 50.0)),
+    }
+    found = {name: isolability(plan, pump, circuit) for name, plan in plans.items()}
+    document = {
+        "command": "python -m benchmarks.isolability",
+        "accuracy": [{k: finite(v) for k, v in asdict(r).items()} for r in rows],
+        "full scale at 1 %": [{k: finite(v) for k, v in asdict(r).items()} for r in ranges],
+        "faults": {
+            name: [
+                {
+                    "fault": f.name,
+                    "unit": f.unit,
+                    "detectable": finite(f.smallest_detectable),
+                    "isolable": finite(f.smallest_isolable),
+                    "worst_rival": f.rivals[0].name,
+                    "ambiguity_group": f.ambiguity_group,
+                    "after_1_10_30_flights": [
+                        [finite(float(f.detectable_by_flights[i])), finite(float(f.isolable_by_flights[i]))]
+                        for i in (0, 9, 29)
+                    ],
+                }
+                for f in result.faults
+            ]
+            for name, result in found.items()
+        },
+    }
+    results = ROOT / "benchmarks" / "results" / "isolability.json"
+    results.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    images = ROOT / "docs" / "images"
+    title = "Pump leakage that a case sensor of 5 bar shows within 30 flights"
+    (images / "isolability-sensors.svg").write_text(sensor_svg(rows, title), encoding="utf-8")
+    picture = isolability_svg(found["records at 1 Hz"], "What the H225's sensors show at 1 Hz")
+    (images / "isolability.svg").write_text(picture, encoding="utf-8")
+    for r in rows + ranges:
+        print({k: finite(v) for k, v in asdict(r).items()})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+"""Compile every kernel of twin and detectors once, so that no request and no test pays for it."""
+
+from datetime import UTC, datetime, timedelta
+from functools import cache
+
+import twin.warm_up
+from detectors.assessment import assess
+from detectors.isolability import isolability
+from detectors.isolability_plan import Plan, sensors_of
+from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
+from detectors.thresholds import effective
+from twin.pumps import circuit_parameters, pump_type
+
+_RECORDS = 13
+"""Past the baseline and past one onset of faults: every branch of the bank has run."""
+
+
+@cache
+def warm_up() -> None:
+    """Load or build the compiled code: operating point, transient pump, order surfaces, bank (minutes the first time)."""
+    twin.warm_up.warm_up()
+    pump, circuit = pump_type("h225"), circuit_parameters("shared_return")
+    assess(History(tuple(_flight(i) for i in range(_RECORDS))), pump, circuit, effective({}))
+    isolability(Plan(sensors_of(pump), baseline_flights=1, flights=1, burst=True), pump, circuit)
+
+
+def _flight(i: int) -> Observation:
+    """A record with one quiet window, made by hand."""
+    means = {
+        "discharge_pressure_bar": Mean(174.0, 0.02),
+        "case_pressure_bar": Mean(0.5, 0.002),
+        "shaft_speed_rpm": Mean(4600.0, 0.3),
+        "fluid_temperature_degc": Mean(50.0, 0.1),
+        "reservoir_pressure_bar": Mean(0.0, 0.001),
+    }
+    window = Window(WindowKind.ZERO_FLOW, 50.0, 150.0, True, None, means)
+    at = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(days=i)
+    return Observation(str(i), at, "warm-up", "LH", str(i), Reduction(Zero(0.0, 0.007, measured=True), (window,), None))
+
+
+if __name__ == "__main__":
+    warm_up()
