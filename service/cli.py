@@ -255,6 +255,42 @@ def validate(
         raise _fail(f"not met: {'; '.join(missed)}")
 
 
+@app.command()
+def isolability(
+    pump: Annotated[str, typer.Option(help="Pump type")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
+    flights: Annotated[int, typer.Option(help="Flights with the fault")] = 30,
+    baseline_flights: Annotated[int, typer.Option(help="Healthy flights before it")] = 30,
+    windows: Annotated[int, typer.Option(help="Zero-flow windows per flight")] = 1,
+    temperatures: Annotated[tuple[float, float], typer.Option(help="Lowest and highest fluid temperature [degC]")] = (
+        30.0,
+        80.0,
+    ),
+    full_scale: Annotated[float, typer.Option(help="Full scale of the case sensor [bar]")] = 5.0,
+    accuracy: Annotated[float, typer.Option(help="Its accuracy [% of full scale]")] = 1.0,
+    zero: Annotated[bool, typer.Option(help="Each flight has a pump-off zero")] = True,
+    reservoir: Annotated[bool, typer.Option(help="A reservoir sensor is fitted")] = True,
+    burst: Annotated[bool, typer.Option(help="Each flight has 2 s at 10 kHz")] = False,
+    svg: Annotated[Path | None, typer.Option(help="Also draw it", dir_okay=False)] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Also write it as JSON", dir_okay=False)] = None,
+) -> None:
+    """Smallest fault of each kind that given sensors detect and isolate; exit code 2 if the study is wrong."""
+    from service.isolability_study import IsolabilityOptions, isolability_study, isolability_table  # noqa: PLC0415 - heavy, and only here
+
+    options = IsolabilityOptions(
+        pump, circuit, flights, baseline_flights, windows, temperatures, full_scale, accuracy, zero, reservoir, burst
+    )
+    try:
+        study = isolability_study(options)
+    except ValueError as error:
+        raise _fail(str(error), 2) from None
+    console.print(isolability_table(study))
+    for path, text in ((svg, study.svg), (json_, study.json)):
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text(), encoding="utf-8")
+
+
 @keys_app.command("create")
 def create_key(
     role: Annotated[str, typer.Option(help="viewer, analyst or admin")],

@@ -17,7 +17,7 @@ from service.dashboard.pages import WORDS
 from service.demo.fleet import PUMPS, fleet_records, is_right
 from service.settings import Settings
 
-START_TIMEOUT_S = 120.0
+START_TIMEOUT_S = 900.0
 
 
 def free_port(host: str, wanted: int) -> int:

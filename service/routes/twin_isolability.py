@@ -1,14 +1,15 @@
 """Isolability: what given sensors could detect and isolate, before anybody buys them."""
 
 import math
-from dataclasses import replace
-from typing import Any
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 from fastapi import APIRouter
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
 from detectors.isolability import FaultBound, Isolability, isolability
-from detectors.isolability_plan import PLAN_RANGES, Plan, PlanFaultsError, Sensors, sensors_of
+from detectors.isolability_plan import PLAN_RANGES, Plan, PlanFaultsError, Sensors
+from detectors.isolability_table import REPEATABILITY_SHARE
 from detectors.verdict import SIDE_OF
 from service.context import Asker
 from service.errors import Fault, Invalid
@@ -17,8 +18,6 @@ from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
 from twin.pumps.circuits import CIRCUITS
 
 router = APIRouter(prefix="/twin", tags=["twin"])
-REPEATABILITY_SHARE = 0.1
-"""Repeatability over accuracy where a request gives the accuracy alone (estimate)."""
 _CHANNELS = {
     "case": "case_pressure_bar",
     "discharge": "discharge_pressure_bar",
@@ -26,18 +25,45 @@ _CHANNELS = {
 }
 
 
-def _ranged(key: str) -> Any:
+def _pump_type(name: str) -> str:
+    return _known(name, PUMP_TYPES)
+
+
+def _circuit(name: str) -> str:
+    return _known(name, CIRCUITS)
+
+
+def _known(name: str, names: Mapping[str, object]) -> str:
+    if name not in names:
+        raise ValueError(f"{name!r} is not one of {', '.join(sorted(names))}")
+    return name
+
+
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] > ends[1]:
+        raise ValueError(f"{ends[0]:g} lies above {ends[1]:g}")
+    return ends
+
+
+def _within(key: str, factor: float = 1.0) -> Any:
+    """Constraint by the plan's own range; ``factor`` brings it to the request's unit."""
     low, high = PLAN_RANGES[key]
-    return Field(default=None, ge=low, le=high)
+    return Field(ge=factor * low, le=factor * high)
+
+
+FullScale = Annotated[FiniteFloat, _within("full_scale_bar")]
+Accuracy = Annotated[FiniteFloat, _within("accuracy_fs", 100.0)]
+Repeatability = Annotated[FiniteFloat, _within("repeatability_fs", 100.0)]
+Temperature = Annotated[FiniteFloat, _within("temperature_degc")]
 
 
 class SensorInput(BaseModel):
     """One pressure sensor; what is not given is the pump type's own, repeatability a tenth of a given accuracy."""
 
     model_config = ConfigDict(extra="forbid")
-    full_scale_bar: FiniteFloat | None = _ranged("full_scale_bar")
-    accuracy_percent: FiniteFloat | None = Field(default=None, ge=0.001, le=10.0)
-    repeatability_percent: FiniteFloat | None = Field(default=None, ge=0.0001, le=10.0)
+    full_scale_bar: FullScale | None = None
+    accuracy_percent: Accuracy | None = None
+    repeatability_percent: Repeatability | None = None
 
 
 class SensorsInput(BaseModel):
@@ -54,34 +80,27 @@ class IsolabilityRequest(BaseModel):
     """One study; the defaults are the pump type's own sensors."""
 
     model_config = ConfigDict(extra="forbid")
-    pump_type: str = "h225"
-    circuit: str = "shared_return"
+    pump_type: Annotated[str, AfterValidator(_pump_type)] = "h225"
+    circuit: Annotated[str, AfterValidator(_circuit)] = "shared_return"
     sensors: SensorsInput = SensorsInput()
-    temperature_range_degc: tuple[FiniteFloat, FiniteFloat] = (30.0, 80.0)
-    baseline_flights: int = Field(default=30, ge=PLAN_RANGES["baseline_flights"][0], le=PLAN_RANGES["flights"][1])
-    flights: int = Field(default=30, ge=PLAN_RANGES["flights"][0], le=PLAN_RANGES["flights"][1])
-    windows_per_flight: int = Field(default=1, ge=1, le=PLAN_RANGES["windows_per_flight"][1])
+    temperature_range_degc: Annotated[tuple[Temperature, Temperature], AfterValidator(_rising)] = (30.0, 80.0)
+    baseline_flights: Annotated[int, _within("baseline_flights")] = 30
+    flights: Annotated[int, _within("flights")] = 30
+    windows_per_flight: Annotated[int, _within("windows_per_flight")] = 1
     burst: bool = False
-    false_alarm_probability: FiniteFloat = Field(default=1.0e-4, ge=1.0e-9, le=0.1)
-    detection_probability: FiniteFloat = Field(default=0.9, ge=0.5, le=0.9999)
+    false_alarm_probability: Annotated[FiniteFloat, _within("false_alarm_probability")] = 1.0e-4
+    detection_probability: Annotated[FiniteFloat, _within("detection_probability")] = 0.9
 
 
 @router.post("/isolability", summary="Smallest detectable and isolable faults")
 def study(body: IsolabilityRequest, _asker: Asker) -> dict[str, Any]:
     """Bounds of every kind of fault for the given sensors, temperatures and flights."""
-    faults = [
-        Fault(where, f"{value!r} is not one of {', '.join(sorted(known))}")
-        for where, value, known in (("pump_type", body.pump_type, PUMP_TYPES), ("circuit", body.circuit, CIRCUITS))
-        if value not in known
-    ]
-    kind = pump_type(body.pump_type if body.pump_type in PUMP_TYPES else "h225")
-    circuit = circuit_parameters(body.circuit if body.circuit in CIRCUITS else "shared_return")
+    kind = pump_type(body.pump_type)
     try:
-        found = isolability(_plan(body, kind), kind, circuit)
+        found = isolability(_plan(body, kind), kind, circuit_parameters(body.circuit))
     except PlanFaultsError as error:
-        faults += [Fault(_place(where), problem) for where, problem in error.faults]
-    if faults:
-        raise Invalid(f"the study has {len(faults)} fault(s)", faults)
+        faults = [Fault(_place(where), problem) for where, problem in error.faults]
+        raise Invalid(f"the study has {len(faults)} fault(s)", faults) from None
     return isolability_document(found) | {"pump_type": body.pump_type, "circuit": body.circuit}
 
 
@@ -138,8 +157,7 @@ def _plan(body: IsolabilityRequest, kind: PumpType) -> Plan:
         reservoir=None if tank is None else _sensor(tank, kind.sensors["reservoir_pressure_bar"]),
         zero_measured=given.case_zero_measured,
     )
-    return replace(
-        Plan(sensors_of(kind)),
+    return Plan(
         sensors=sensors,
         temperature_range_degc=body.temperature_range_degc,
         baseline_flights=body.baseline_flights,

@@ -3,6 +3,7 @@
 from typing import Any
 
 from anyio import CapacityLimiter, to_thread
+from anyio.lowlevel import RunVar
 from fastapi import APIRouter, Response
 from pydantic import BaseModel, ConfigDict, FiniteFloat
 
@@ -13,6 +14,8 @@ from twin.recording import TIME
 router = APIRouter(prefix="/twin", tags=["twin"])
 AT_ONCE = 2
 """Simulations that run beside each other; further ones wait, and take no thread from other requests meanwhile."""
+
+_LIMITER: RunVar[CapacityLimiter] = RunVar("simulations")
 
 
 class HealthSchedule(BaseModel):
@@ -46,15 +49,21 @@ class SimulationAnswer(BaseModel):
     channels: dict[str, list[float | None]]
 
 
-_limiter: dict[str, CapacityLimiter] = {}
-
-
 @router.post("/simulation", summary="Short run of the transient twin", response_model=SimulationAnswer)
 async def simulation(body: SimulationRequest, _asker: Asker) -> Response:
     """Simulate at most ten seconds and 30 000 samples; too long a run is refused with the limit."""
     asked = checked(_asked(body))
-    limiter = _limiter.setdefault("simulations", CapacityLimiter(AT_ONCE))
-    return Response(await to_thread.run_sync(simulated_json, asked, limiter=limiter), media_type="application/json")
+    content = await to_thread.run_sync(simulated_json, asked, limiter=_limiter())
+    return Response(content, media_type="application/json")
+
+
+def _limiter() -> CapacityLimiter:
+    """The limiter of the running event loop."""
+    try:
+        return _LIMITER.get()
+    except LookupError:
+        _LIMITER.set(CapacityLimiter(AT_ONCE))
+        return _LIMITER.get()
 
 
 def _asked(body: SimulationRequest) -> Asked:
