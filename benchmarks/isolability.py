@@ -26,6 +26,7 @@ def finite(value: object) -> object:
 
 
 def main() -> None:
+    """Compute, keep, draw."""
     pump, circuit = pump_type("h225"), circuit_parameters("shared_return")
     rows = sensor_table(pump, circuit)
     ranges = sensor_table(pump, circuit, [case_sensor(fs, 0.01) for fs in FULL_SCALES_BAR])

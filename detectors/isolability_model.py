@@ -195,7 +195,9 @@ def _spreads(plan: Plan, pump: PumpType) -> tuple[Array, Array]:
     variance[INDEX["case_offset"]] *= by_case
     walk[INDEX["case_offset"]] *= by_case
     # a discharge sensor that reads wrong looks like a pump that is set wrong; its accuracy counts as two sigma
-    variance[INDEX["setting"]] += (0.5 * plan.sensors.discharge.accuracy_fs * plan.sensors.discharge.full_scale_bar) ** 2
+    variance[INDEX["setting"]] += (
+        0.5 * plan.sensors.discharge.accuracy_fs * plan.sensors.discharge.full_scale_bar
+    ) ** 2
     place = INDEX["reservoir"]
     if plan.sensors.reservoir is None:
         variance[place] = pump.population["reservoir_pressure_bar"].value ** 2

@@ -60,11 +60,25 @@ def case_sensor(full_scale_bar: float, accuracy_fs: float) -> Sensor:
 def sensor_table(
     pump: PumpType,
     circuit: Circuit,
-    cases: Sequence[Sensor] = tuple(case_sensor(PROPOSED_FULL_SCALE_BAR, a) for a in ACCURACIES_FS),
+    cases: Sequence[Sensor] | None = None,
     *,
     plan: Plan | None = None,
 ) -> list[Row]:
-    """Bounds for every case sensor in every setting of zero, reservoir sensor and burst; ``plan`` gives the rest."""
+    """Bounds for every case sensor in every setting of zero, reservoir sensor and burst.
+
+    Parameters
+    ----------
+    cases
+        Case sensors; None: the proposed full scale in each of ``ACCURACIES_FS``.
+    plan
+        Temperatures and flights; None: the defaults.
+
+    Raises
+    ------
+    PlanFaultsError
+        naming every fault of the plan and the sensors.
+    """
+    cases = [case_sensor(PROPOSED_FULL_SCALE_BAR, a) for a in ACCURACIES_FS] if cases is None else cases
     base = plan or Plan(sensors_of(pump))
     rows = []
     for burst in (False, True):

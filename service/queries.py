@@ -93,11 +93,25 @@ def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAss
     return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
 
 
-def assessed_records(pump_id: int) -> Select[StoredAssessment, Record]:
-    """A pump's assessments with their records, in event order."""
-    query = select(StoredAssessment, Record).join(Record, Record.id == StoredAssessment.record_id)
+@dataclass(frozen=True, slots=True)
+class TrendOfRecord:
+    """What one record added to the trends, and where and when in the pump's life it was taken."""
+
+    aircraft: str | None
+    position: str | None
+    flight_hours: float | None
+    state: str
+    trend: dict[str, Any]
+
+
+def trends_of_records(session: Session, pump_id: int) -> list[TrendOfRecord]:
+    """A pump's trend points with their place and flight hours, in event order."""
+    query = select(
+        Record.aircraft, Record.position, Record.flight_hours, StoredAssessment.state, StoredAssessment.trend
+    ).join(Record, Record.id == StoredAssessment.record_id)
     query = query.where(StoredAssessment.pump_id == pump_id)
-    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
+    rows = session.execute(query.order_by(StoredAssessment.at, StoredAssessment.record_id))
+    return [TrendOfRecord(*row) for row in rows]
 
 
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:

@@ -16,7 +16,8 @@ from detectors.prognosis import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoFor
 from detectors.verdict import State
 from service import queries
 from service.monitoring.analysis import thresholds_of
-from service.tables import Pump, Record, StoredAssessment
+from service.queries import TrendOfRecord
+from service.tables import Pump
 
 METRIC = "case_flow_at_reference_lpm"
 SPACING = 5
@@ -39,8 +40,8 @@ class TrendPoint:
 def forecast_of(session: Session, pump: Pump) -> dict[str, Any]:
     """Forecast in the shape of the API: flight hours with their 90 % interval, or the reason why there are none."""
     limit = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values["case_flow_limit_lpm"]
-    rows = session.execute(queries.assessed_records(pump.id)).tuples().all()
-    points = [p for p in map(_point, _since_installation(rows)) if p is not None]
+    rows = _since_installation(queries.trends_of_records(session, pump.id))
+    points = [p for p in map(_point, rows) if p is not None]
     found = forecast_of_trend(points, limit)
     document: dict[str, Any] = {"flight_hours": None, "limit": limit, "limit_unit": "L/min", "metric": METRIC}
     document["records"] = len(points)
@@ -73,16 +74,16 @@ def forecast_of_trend(points: Sequence[TrendPoint], limit: float) -> Forecast | 
     shared = min(p.standard_deviation for p in kept)
     parts = [(share, forecast(estimates, limit - node * shared)) for node, share in _NODES]
     given = [(share, part) for share, part in parts if isinstance(part, Forecast)]
+    if len(given) == len(parts):
+        return _mixed(given)
     middle = parts[1][1]
     if isinstance(middle, NoForecast):
         return middle
-    if len(given) < len(parts):
+    if isinstance(parts[2][1], NoForecast):
         return NoForecast(
             f"the limit of {limit:g} L/min lies within the error of the estimate, {Z_90 * shared:.2g} L/min"
-            if isinstance(parts[2][1], NoForecast)
-            else "the interval is too wide to help"
         )
-    return _mixed(given)
+    return NoForecast("the interval is too wide to help: the estimate's own error could put the limit out of reach")
 
 
 def _mixed(parts: Sequence[tuple[float, Forecast]]) -> Forecast | NoForecast:
@@ -97,21 +98,20 @@ def _mixed(parts: Sequence[tuple[float, Forecast]]) -> Forecast | NoForecast:
     return Forecast(mean, low, whole.quantile(1.0 - _TAIL), hours, probability)
 
 
-def _since_installation(rows: Sequence[tuple[StoredAssessment, Record]]) -> list[tuple[StoredAssessment, Record]]:
+def _since_installation(rows: Sequence[TrendOfRecord]) -> list[TrendOfRecord]:
     """The newest records in a row from one aircraft and position."""
-    found: list[tuple[StoredAssessment, Record]] = []
-    for assessment, record in reversed(rows):
-        if found and (record.aircraft, record.position) != (found[0][1].aircraft, found[0][1].position):
+    found: list[TrendOfRecord] = []
+    for row in reversed(rows):
+        if found and (row.aircraft, row.position) != (found[0].aircraft, found[0].position):
             break
-        found.append((assessment, record))
+        found.append(row)
     return found[::-1]
 
 
-def _point(row: tuple[StoredAssessment, Record]) -> TrendPoint | None:
+def _point(row: TrendOfRecord) -> TrendPoint | None:
     """A record's estimate; none where the baseline is still being learnt."""
-    assessment, record = row
-    value = assessment.trend.get(METRIC)
-    if value is None or value["mean"] is None or assessment.state == State.INSUFFICIENT_DATA:
+    value = row.trend.get(METRIC)
+    if value is None or value["mean"] is None or row.state == State.INSUFFICIENT_DATA:
         return None
     sd = (value["high"] - value["low"]) / (2.0 * Z_90)
-    return TrendPoint(record.flight_hours, value["mean"], sd) if sd > 0.0 else None
+    return TrendPoint(row.flight_hours, value["mean"], sd) if sd > 0.0 else None

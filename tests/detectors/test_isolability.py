@@ -1,5 +1,6 @@
 """Isolability: against the dense covariance matrix and chance itself, and what must never make it worse."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -135,7 +136,7 @@ def test_a_better_sensor_never_makes_it_worse(zero: bool) -> None:
     found = [
         bounds(replace(PLAN, sensors=replace(sensors, case=case_sensor(5.0, a)))) for a in (0.001, 0.005, 0.01, 0.02)
     ]
-    for better, worse in zip(found, found[1:], strict=False):
+    for better, worse in itertools.pairwise(found):
         no_worse(better, worse)
 
 
@@ -150,7 +151,7 @@ def test_wider_temperatures_isolate_better() -> None:
     oil lets less through (no inequality holds there): 5 % are allowed.
     """
     found = [bounds(replace(PLAN, temperature_range_degc=r)) for r in ((50, 50), (45, 55), (40, 65), (30, 80))]
-    for narrow, wide in zip(found, found[1:], strict=False):
+    for narrow, wide in itertools.pairwise(found):
         no_worse(wide, narrow, 1.05)
         for fault in narrow.faults:
             if fault.state in (State.PUMP_DEGRADATION, State.SYSTEM_LEAKAGE, State.DRAIN_RESTRICTION):
