@@ -1,6 +1,7 @@
 """What a case sensor can detect and isolate, over its accuracy: the table and the pictures of docs/isolability.md.
 
-Run as ``python -m benchmarks.isolability``; writes benchmarks/results/isolability.json and docs/images/isolability*.svg.
+Run as ``python -m benchmarks.isolability``; writes benchmarks/results/isolability.json, docs/images/isolability*.svg and the
+tables of docs/isolability.md.
 """
 
 import json
@@ -8,10 +9,10 @@ import math
 from dataclasses import asdict
 from pathlib import Path
 
-from detectors.isolability import isolability
+from detectors.isolability import Isolability, isolability
 from detectors.isolability_plan import Plan, sensors_of
 from detectors.isolability_svg import isolability_svg, sensor_svg
-from detectors.isolability_table import case_sensor, sensor_table
+from detectors.isolability_table import Row, case_sensor, sensor_table
 from twin.pumps import circuit_parameters, pump_type
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -66,8 +67,55 @@ def main() -> None:
     (images / "isolability-sensors.svg").write_text(sensor_svg(rows, title), encoding="utf-8")
     picture = isolability_svg(found["records at 1 Hz"], "What the H225's sensors show at 1 Hz")
     (images / "isolability.svg").write_text(picture, encoding="utf-8")
-    for r in rows + ranges:
-        print({k: finite(v) for k, v in asdict(r).items()})
+    page = ROOT / "docs" / "isolability.md"
+    words = page.read_text(encoding="utf-8")
+    words = filled(words, "sensors", sensor_lines(rows))
+    words = filled(words, "ranges", sensor_lines([r for r in ranges if r.reservoir_measured]))
+    words = filled(words, "faults", fault_lines(found["records at 1 Hz"], found["with bursts"]))
+    page.write_text(words, encoding="utf-8")
+
+
+def filled(page: str, name: str, lines: list[str]) -> str:
+    """The page with the lines between the marks of this name."""
+    start, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+    head, rest = page.split(start)
+    return head + start + "\n".join(lines) + "\n" + end + rest.split(end)[1]
+
+
+def shown(size: float) -> str:
+    """A size for a table; never where no size would do."""
+    return f"{size:.3g}" if math.isfinite(size) else "never"
+
+
+def sensor_lines(rows: list[Row]) -> list[str]:
+    """Table of case sensors."""
+    out = [
+        "| case sensor | zero | reservoir sensor | burst | detected | isolated | isolated, any law "
+        "| one-piston wear isolated | circuit leak isolated |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for r in rows:
+        flags = ("yes" if v else "no" for v in (r.zero_measured, r.reservoir_measured, r.burst))
+        sizes = (r.detectable, r.isolable, r.isolable_any_law, r.uneven_isolable, r.system_isolable)
+        cells = [f"{r.full_scale_bar:g} bar, {100 * r.accuracy_fs:g} %", *flags, *map(shown, sizes)]
+        out.append("| " + " | ".join(cells) + " |")
+    return out
+
+
+def fault_lines(slow: Isolability, fast: Isolability) -> list[str]:
+    """Table of every fault, records alone and with bursts."""
+    out = [
+        "| fault | unit | detected after 1 / 10 / 30 flights | isolated after 10 / 30 | worst rival "
+        "| with bursts: detected / isolated after 30 |",
+        "|---|---|---|---|---|---|",
+    ]
+    for a in slow.faults:
+        b = fast.fault(a.name)
+        detected = " / ".join(shown(float(a.detectable_by_flights[i])) for i in (0, 9, 29))
+        isolated = " / ".join(shown(float(a.isolable_by_flights[i])) for i in (9, 29))
+        bursts = f"{shown(b.smallest_detectable)} / {shown(b.smallest_isolable)}"
+        out.append(f"| {a.name} | {a.unit} | {detected} | {isolated} | {a.rivals[0].name} | {bursts} |")
+    return out
 
 
 if __name__ == "__main__":

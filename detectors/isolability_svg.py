@@ -31,8 +31,12 @@ def isolability_svg(found: Isolability, title: str) -> str:
 
 
 def sensor_svg(rows: Sequence[Row], title: str) -> str:
-    """Slipper leakage that is detected and isolated over the case sensor's accuracy, with and without a zero."""
-    top = 0.02 + max([v for r in rows for v in (r.detectable, r.isolable) if math.isfinite(v)], default=1.0)
+    """Slipper leakage that is detected and isolated over the case sensor's accuracy, with and without zero and burst.
+
+    Rows without a reservoir sensor are left out.
+    """
+    rows = [r for r in rows if r.reservoir_measured]
+    top = 1.1 * max([v for r in rows for v in (r.detectable, r.isolable) if math.isfinite(v)], default=1.0)
     places = sorted({r.accuracy_fs for r in rows})
     logs = [math.log10(a) for a in places]
     frame = Frame(70, 96, _WIDTH - 20, 420, logs[0] - 0.06, logs[-1] + 0.06, 0.0, top)
@@ -41,7 +45,7 @@ def sensor_svg(rows: Sequence[Row], title: str) -> str:
     body.append(text(16, 24, title, extra='font-weight="600"'))
     styles = ((True, False, ""), (False, False, "7 4"), (True, True, "2 3"), (False, True, "9 3 2 3"))
     for k, (zero, burst, dashes) in enumerate(styles):
-        chosen = [r for r in rows if (r.zero_measured, r.burst) == (zero, burst) and r.reservoir_measured]
+        chosen = [r for r in rows if (r.zero_measured, r.burst) == (zero, burst)]
         x = 16 + 205 * k
         body.append(line(x, 52, x + 34, 52, INK, 2.0, f'stroke-dasharray="{dashes}"'))
         words = f"{'zero' if zero else 'no zero'}, {'burst' if burst else '1 Hz only'}"
@@ -88,11 +92,11 @@ def _fault(frame: Frame, fault: FaultBound, y: float) -> list[str]:
 def _words(fault: FaultBound) -> str:
     sizes = (fault.smallest_detectable, fault.smallest_isolable)
     detectable, isolable = (f"{v:.3g}" if math.isfinite(v) else "never" for v in sizes)
-    return f"{detectable} | {isolable} {fault.unit}"
+    return f"{detectable} | {isolable} [{fault.unit}]"
 
 
 def _mark(x: float, y: float, colour: str, *, filled: bool) -> str:
     return (
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{colour if filled else "#ffffff"}" stroke="{colour}" '
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="{colour if filled else "#ffffff"}" stroke="{colour}" '
         'stroke-width="2"/>'
     )
