@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import ndtri
 
-from detectors.isolability_model import Model, model_of
+from detectors.isolability_model import LARGEST_LEAKAGE_LPM, Model, model_of
 from detectors.isolability_plan import Plan, PlanFaultsError, plan_faults
 from detectors.state_model import FAULT_KINDS, FaultKind, directions
 from detectors.verdict import SIDE_OF, Side, State
@@ -90,11 +90,12 @@ class FaultBound:
 
 @dataclass(frozen=True, slots=True)
 class Isolability:
-    """Bounds of every kind of fault, and what the case sensor must hold."""
+    """Bounds of every kind of fault, what the case sensor should hold, and remarks in words."""
 
     plan: Plan
     faults: tuple[FaultBound, ...]
     case_pressure_range_bar: tuple[float, float]
+    remarks: tuple[str, ...] = ()
 
     def fault(self, name: str) -> FaultBound:
         """Bounds of one kind."""
@@ -120,7 +121,20 @@ def isolability(plan: Plan, pump: PumpType, circuit: Circuit) -> Isolability:
         for i, k in enumerate(kinds)
         if FAULT_KINDS[k].state is not State.HEALTHY
     ]
-    return Isolability(plan, tuple(found), model.case_pressure_range_bar)
+    return Isolability(plan, tuple(found), model.case_pressure_range_bar, _remarks(plan, model))
+
+
+def _remarks(plan: Plan, model: Model) -> tuple[str, ...]:
+    highest, full_scale = model.case_pressure_range_bar[1], plan.sensors.case.full_scale_bar
+    remarks = []
+    if highest > full_scale:
+        remarks.append(
+            f"the case of a pump worn by {LARGEST_LEAKAGE_LPM:g} L/min reaches {highest:.2f} bar: "
+            f"a sensor of {full_scale:g} bar saturates before"
+        )
+    if plan.sensors.reservoir is None:
+        remarks.append("without a reservoir sensor a change of reservoir pressure looks like leakage")
+    return tuple(remarks)
 
 
 def inner_products(model: Model, moves: Array, n_baseline: int) -> Array:

@@ -36,8 +36,9 @@ ZERO_SE_BAR = 0.0005
 """Standard errors of a window's means and of a zero as simulated flights at 1 Hz show them, sensor noise and wander of
 the conditions together."""
 LARGEST_LEAKAGE_LPM = 1.2
-"""Leakage on top of the healthy pump's that the case sensor's range must still hold."""
-_SPREAD_RESERVOIR = 2.0
+"""Leakage on top of the healthy pump's that the case sensor's range should still hold."""
+_SIGMAS = 2.0
+"""Spread of reservoir and setting that a range must hold."""
 _GOLDEN, _SILVER = (math.sqrt(5.0) - 1.0) / 2.0, math.sqrt(2.0) - 1.0
 _BITS = 12
 _BURST_RATE_HZ, _BURST_S = 10_000.0, 2.0
@@ -58,7 +59,7 @@ class FlightModel:
 class Model:
     """Prior variances and walk variances of the components, both (N_COMPONENTS,), and the flights in their order.
 
-    ``case_pressure_range_bar`` is what the case sensor must hold: healthy and cold to worn and pressurised.
+    ``case_pressure_range_bar`` is what the case sensor should hold: healthy and cold to worn and pressurised.
     """
 
     prior: Array
@@ -73,7 +74,7 @@ def model_of(plan: Plan, pump: PumpType, circuit: Circuit) -> Model:
     Raises
     ------
     PlanFaultsError
-        when the case sensor's range does not hold its pressures, or the twin has no solution at a temperature.
+        when a sensor's range does not hold a healthy pump's pressures, or the twin has no solution at a temperature.
     """
     n_flights, n_windows = plan.baseline_flights + plan.flights, plan.windows_per_flight
     conditions = [
@@ -91,17 +92,36 @@ def model_of(plan: Plan, pump: PumpType, circuit: Circuit) -> Model:
         last = slice(n_windows - 1, None, n_windows)
         law = rows[last, COLUMN["system_law"]]
         amplitudes, relative = ripples(conditions[last], pump, circuit, surfaces, law)
-    flights, lowest, highest = [], math.inf, -math.inf
+    flights, shown, worn = [], [], -math.inf
     for i in range(n_flights):
-        windows = list(_linearised(rows[i * n_windows : (i + 1) * n_windows], mean, relative[i]))
-        flights.append(_flight(plan, windows, rows[i * n_windows : (i + 1) * n_windows], amplitudes[i], pump))
-        lowest = min(lowest, *(y[CASE] for y, _, _ in windows))
-        highest = max(highest, *(worn for _, _, worn in windows))
-    highest += _SPREAD_RESERVOIR * pump.population["reservoir_pressure_bar"].value
-    if highest > plan.sensors.case.full_scale_bar:
-        words = f"{plan.sensors.case.full_scale_bar:g} bar do not hold the {highest:.2f} bar of a worn pump"
-        raise PlanFaultsError([("sensors.case.full_scale_bar", words)])
-    return Model(*_spreads(plan, pump), tuple(flights), (float(lowest), float(highest)))
+        own = slice(i * n_windows, (i + 1) * n_windows)
+        windows = list(_linearised(rows[own], mean, relative[i]))
+        flights.append(_flight(plan, windows, rows[own], amplitudes[i], pump))
+        shown += [y for y, _, _ in windows]
+        worn = max(worn, *(case for _, _, case in windows))
+    healthy = np.array(shown)
+    tank = _SIGMAS * pump.population["reservoir_pressure_bar"].value
+    _hold(plan, pump, healthy.max(axis=0), tank)
+    pressures = (float(healthy[:, CASE].min()), float(worn + tank))
+    return Model(*_spreads(plan, pump), tuple(flights), pressures)
+
+
+def _hold(plan: Plan, pump: PumpType, highest: Array, tank: float) -> None:
+    """Refuse sensors that do not hold what a healthy pump shows; ``tank`` is what the reservoir may add [bar]."""
+    setting = _SIGMAS * pump.population["pressure_setting_bar"].value
+    asked = [
+        ("case", plan.sensors.case, highest[CASE] + tank),
+        ("discharge", plan.sensors.discharge, highest[DISCHARGE] + tank + setting),
+    ]
+    if plan.sensors.reservoir is not None:
+        asked.append(("reservoir", plan.sensors.reservoir, pump.nominal_reservoir_pressure_bar + tank))
+    faults = [
+        (f"sensors.{name}.full_scale_bar", f"{sensor.full_scale_bar:g} bar do not hold a healthy pump's {most:.2f} bar")
+        for name, sensor, most in asked
+        if most > sensor.full_scale_bar
+    ]
+    if faults:
+        raise PlanFaultsError(faults)
 
 
 def temperatures(plan: Plan) -> Array:

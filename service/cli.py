@@ -285,6 +285,8 @@ def isolability(
     except ValueError as error:
         raise _fail(str(error), 2) from None
     console.print(isolability_table(study))
+    for remark in study.found.remarks:
+        console.print(f"Note: {remark}.", highlight=False, soft_wrap=True)
     for path, text in ((svg, study.svg), (json_, study.json)):
         if path is not None:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -115,6 +115,7 @@ def isolability_document(found: Isolability) -> dict[str, Any]:
         "false_alarm_probability": plan.false_alarm_probability,
         "detection_probability": plan.detection_probability,
         "case_pressure_range_bar": list(found.case_pressure_range_bar),
+        "remarks": list(found.remarks),
         "faults": {fault.name: _fault(fault) for fault in found.faults},
     }
 

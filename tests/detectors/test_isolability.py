@@ -17,7 +17,7 @@ from detectors.verdict import Side, State
 from twin.condition import Condition, Health
 from twin.operating_point import operating_point
 from twin.parameters import Sensor
-from twin.pumps import circuit_parameters, pump_type
+from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
 
 PUMP, CIRCUIT = pump_type("h225"), circuit_parameters("shared_return")
 PLAN = Plan(sensors_of(PUMP))
@@ -208,9 +208,27 @@ def test_every_fault_of_a_plan_is_named_at_once() -> None:
     ]
 
 
-def test_a_sensor_that_cannot_hold_the_pressure_is_refused() -> None:
-    with pytest.raises(PlanFaultsError, match=r"sensors\.case\.full_scale_bar: 2 bar do not hold"):
-        bounds(replace(PLAN, sensors=replace(PLAN.sensors, case=case_sensor(2.0, 0.01))))
+def test_sensors_that_cannot_hold_the_pressure_are_all_refused() -> None:
+    small = Sensors(case_sensor(1.0, 0.01), case_sensor(100.0, 0.01), case_sensor(0.5, 0.01))
+    with pytest.raises(PlanFaultsError) as caught:
+        bounds(replace(PLAN, sensors=small))
+    assert [where for where, _ in caught.value.faults] == [
+        f"sensors.{name}.full_scale_bar" for name in ("case", "discharge", "reservoir")
+    ]
+
+
+def test_a_sensor_that_a_worn_pump_saturates_is_remarked() -> None:
+    found = bounds(replace(PLAN, sensors=replace(PLAN.sensors, case=case_sensor(2.0, 0.01))))
+    assert "saturates" in found.remarks[0]
+    assert not bounds(PLAN).remarks
+    assert bounds(replace(PLAN, sensors=sensors_of(PUMP, reservoir=False))).remarks
+
+
+@pytest.mark.parametrize("name", PUMP_TYPES)
+def test_every_pump_type_has_bounds_for_its_own_sensors(name: str) -> None:
+    kind = pump_type(name)
+    found = isolability(Plan(sensors_of(kind), burst=True), kind, CIRCUIT)
+    assert all(f.smallest_detectable <= f.smallest_isolable for f in found.faults)
 
 
 def test_temperatures_fill_the_range_and_do_not_depend_on_what_follows() -> None:

@@ -88,7 +88,7 @@ def test_every_fault_is_named(running: TestClient) -> None:
 
 
 def test_a_range_that_does_not_hold_the_pressure_is_refused(running: TestClient) -> None:
-    answer = running.post(URL, json={"sensors": {"case_pressure_bar": {"full_scale_bar": 2.0}}})
+    answer = running.post(URL, json={"sensors": {"case_pressure_bar": {"full_scale_bar": 1.0}}})
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["where"] == "sensors.case_pressure_bar.full_scale_bar"
 
