@@ -93,6 +93,15 @@ def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAss
     return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
 
 
+def assessments_at(operator: str, aircraft: str, position: str) -> Select[StoredAssessment, str]:
+    """Assessments of whatever pump sat at a position, with its serial, in event order."""
+    query = select(StoredAssessment, Pump.serial).join(Pump, StoredAssessment.pump_id == Pump.id)
+    query = query.where(
+        Pump.operator == operator, StoredAssessment.aircraft == aircraft, StoredAssessment.position == position
+    )
+    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
+
+
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
     """The newest assessment of each pump that has one."""
     newest = (
