@@ -23,7 +23,7 @@ from service.errors import PROBLEM_JSON, Fault, Invalid, Problem
 from service.ingest.decode import Limits
 from service.monitoring.acceptance import Acceptance
 from service.raw_store import RawStore
-from service.routes import aircraft, fleet, keys, operations, pumps, records, thresholds
+from service.routes import aircraft, fleet, history, keys, operations, pump_types, pumps, records, thresholds
 from service.routes import twin as twin_routes
 from service.settings import Settings
 
@@ -55,7 +55,7 @@ def create_app(settings: Settings) -> FastAPI:
         responses={"default": {"description": "Problem", "content": {PROBLEM_JSON: {}}}},
     )
     api = APIRouter(prefix=API_PREFIX)
-    for part in (records, pumps, aircraft, fleet, thresholds, keys, twin_routes):
+    for part in (records, pumps, history, aircraft, pump_types, fleet, thresholds, keys, twin_routes):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(operations.router)

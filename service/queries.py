@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from service.errors import NotFound
 from service.monitoring.analysis import empty_verdict, thresholds_of
 from service.security import Principal
-from service.tables import Pump, Record, StoredAssessment
+from service.tables import Pump, Record, StoredAssessment, VerdictRevision
 
 
 def record(session: Session, principal: Principal, record_id: str) -> Record:
@@ -139,6 +139,14 @@ def verdict_changes(session: Session, row: Pump) -> list[StoredAssessment]:
         if not changes or changes[-1].state != assessment.state:
             changes.append(assessment)
     return changes
+
+
+def revisions(pump_id: int, after: int | None = None) -> Select[VerdictRevision]:
+    """Past verdicts of a pump that changed, the newest change first."""
+    query = select(VerdictRevision).where(VerdictRevision.pump_id == pump_id)
+    if after is not None:
+        query = query.where(VerdictRevision.id < after)
+    return query.order_by(VerdictRevision.id.desc())
 
 
 def n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:
