@@ -135,7 +135,7 @@ def upgrade() -> None:
         sa.Column("pump_id", sa.Integer(), nullable=False),
         sa.Column("record_id", sa.String(), nullable=False),
         sa.Column("at", INSTANT, nullable=False),
-        sa.Column("old_state", sa.String(), nullable=True),
+        sa.Column("old_state", sa.String(), nullable=False),
         sa.Column("new_state", sa.String(), nullable=True),
         sa.Column("cause", sa.String(), nullable=False),
         sa.Column("cause_id", sa.String(), nullable=True),

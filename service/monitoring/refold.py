@@ -95,26 +95,20 @@ def _states(session: Session, pump: Pump) -> _States:
 
 
 def _revisions(pump: Pump, before: _States, after: _States, cause: Cause) -> list[VerdictRevision]:
-    """Past verdicts that changed; the newest record's first verdict is news, not a revision."""
+    """Past verdicts that changed; a record's first verdict is news, not a revision."""
     now = datetime.now(UTC)
-    newest = max(((at, record_id) for record_id, (at, _) in after.items()), default=None)
-    revisions = []
-    for record_id in sorted(before.keys() | after.keys()):
-        at, old = before.get(record_id, (None, None))
-        later, new = after.get(record_id, (None, None))
-        instant = at or later
-        if old == new or instant is None or (old is None and newest == (instant, record_id)):
-            continue
-        revisions.append(
-            VerdictRevision(
-                pump_id=pump.id,
-                record_id=record_id,
-                at=instant,
-                old_state=old,
-                new_state=new,
-                cause=cause.kind,
-                cause_id=cause.id,
-                changed_at=now,
-            )
+    later = {record_id: state for record_id, (_, state) in after.items()}
+    return [
+        VerdictRevision(
+            pump_id=pump.id,
+            record_id=record_id,
+            at=at,
+            old_state=old,
+            new_state=later.get(record_id),
+            cause=cause.kind,
+            cause_id=cause.id,
+            changed_at=now,
         )
-    return revisions
+        for record_id, (at, old) in sorted(before.items())
+        if later.get(record_id) != old
+    ]

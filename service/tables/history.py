@@ -60,7 +60,7 @@ class Finding(Entry, Base):
 class VerdictRevision(Base):
     """A past verdict that changed when the pump was folded anew, and why.
 
-    ``old_state`` is None where the record did not count before, ``new_state`` where it no longer does.
+    ``new_state`` is None where the record no longer counts.
     """
 
     __tablename__ = "verdict_revisions"
@@ -70,7 +70,7 @@ class VerdictRevision(Base):
     pump_id: Mapped[int] = mapped_column(ForeignKey("pumps.id"))
     record_id: Mapped[str] = mapped_column(ForeignKey("records.id"))
     at: Mapped[datetime]
-    old_state: Mapped[str | None]
+    old_state: Mapped[str]
     new_state: Mapped[str | None]
     cause: Mapped[str]
     cause_id: Mapped[str | None]
