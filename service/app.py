@@ -5,6 +5,7 @@ import time
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from datetime import UTC, datetime
 from http import HTTPStatus
 
 import structlog
@@ -23,7 +24,21 @@ from service.errors import PROBLEM_JSON, Fault, Invalid, Problem
 from service.ingest.decode import Limits
 from service.monitoring.acceptance import Acceptance
 from service.raw_store import RawStore
-from service.routes import aircraft, fleet, history, keys, operations, pump_types, pumps, records, thresholds
+from service.registry.deletion import finish_deletions
+from service.registry.operators import expire
+from service.routes import (
+    aircraft,
+    fleet,
+    history,
+    keys,
+    operations,
+    operators,
+    pump_types,
+    pumps,
+    records,
+    registry_files,
+    thresholds,
+)
 from service.routes import twin as twin_routes
 from service.settings import Settings
 
@@ -55,7 +70,19 @@ def create_app(settings: Settings) -> FastAPI:
         responses={"default": {"description": "Problem", "content": {PROBLEM_JSON: {}}}},
     )
     api = APIRouter(prefix=API_PREFIX)
-    for part in (records, pumps, history, aircraft, pump_types, fleet, thresholds, keys, twin_routes):
+    for part in (
+        records,
+        pumps,
+        history,
+        aircraft,
+        pump_types,
+        registry_files,
+        operators,
+        fleet,
+        thresholds,
+        keys,
+        twin_routes,
+    ):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(operations.router)
@@ -93,7 +120,12 @@ def opened(settings: Settings) -> Context:
 
 
 def _pick_up(context: Context) -> None:
-    """Analyse what a crash left stored but not analysed."""
+    """End what a crash interrupted: uploads stored but not analysed, deletions; let raw bytes expire."""
+    try:
+        finish_deletions(context.database, context.raw_store)
+        expire(context.database, context.raw_store, datetime.now(UTC))
+    except Exception:
+        log.exception("deletions or expiry left for the next start")
     for record_id in context.acceptance.pending():
         try:
             context.acceptance.process(record_id)

@@ -167,6 +167,7 @@ def upgrade() -> None:
         batch_op.add_column(sa.Column("pump_type", sa.String(), nullable=True))
         batch_op.add_column(sa.Column("ended_at", INSTANT, nullable=True))
         batch_op.add_column(sa.Column("withdrawal", DOCUMENT, nullable=True))
+        batch_op.add_column(sa.Column("raw_removed_at", INSTANT, nullable=True))
         batch_op.add_column(sa.Column("reduced_with", sa.String(), nullable=True))
 
 
@@ -174,6 +175,7 @@ def downgrade() -> None:
     """Drop what this revision added."""
     with op.batch_alter_table("records", schema=None) as batch_op:
         batch_op.drop_column("reduced_with")
+        batch_op.drop_column("raw_removed_at")
         batch_op.drop_column("withdrawal")
         batch_op.drop_column("ended_at")
         batch_op.drop_column("pump_type")

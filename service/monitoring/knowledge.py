@@ -57,7 +57,7 @@ def knowledge(session: Session, pump: Pump, archive: Archive, known_at: datetime
         and so do entries, thresholds and registry values of that time.
     """
     rows = counting_records(session, pump.id, known_at)
-    kind, kind_flag = _kind(session, pump, rows, known_at)
+    kind, registered = _kind(session, pump, rows, known_at)
     thresholds = thresholds_of(session, pump.operator, pump.serial, kind, known_at)
     intervals = installation_intervals(session, pump.id, known_at)
     places, placed, anew = {}, [], {}
@@ -69,11 +69,13 @@ def knowledge(session: Session, pump: Pump, archive: Archive, known_at: datetime
         if place.aircraft not in aircraft:
             aircraft[place.aircraft] = registry_values(session, pump.operator, "aircraft", place.aircraft, known_at)
         setting = setting_at(aircraft[place.aircraft], row.started_at)
-        reduction = row.reduction
+        reduction, flags = row.reduction, place.flags + _record_flags(row, kind, registered, setting)
         if reduction is None or row.reduced_with != analysis_key(kind, setting, thresholds):
-            analysis = analysed(archive.recording(row, kind), kind, setting, thresholds)
-            anew[row.id], reduction = analysis, analysis.reduction
-        flags = place.flags + _record_flags(row, kind, kind_flag, setting)
+            if reduction is not None and row.raw_removed_at is not None:
+                flags += ("raw bytes are no longer kept: analysed as they were before",)
+            else:
+                analysis = analysed(archive.recording(row, kind), kind, setting, thresholds)
+                anew[row.id], reduction = analysis, analysis.reduction
         placed.append(PlacedObservation(observation_of(row, place, reduction), setting, flags))
         places[row.id] = place
     maintenance = tuple(Maintenance(e.at, e.action) for e in entries(session, MaintenanceEvent, pump.id, known_at))

@@ -21,7 +21,8 @@ class Record(Base):
     ``request_hash`` recognises the same request, ``identity_hash`` the same operator, bytes and effective
     metadata. ``pump_id`` and the flight's fields are empty until the bytes are decoded; ``pump_type`` is what the upload
     itself names. At most one record that counts may stand for a flight, pump and segment; one that was superseded or
-    withdrawn counted until ``ended_at``. ``reduced_with`` names everything that reduction and residuals depend on
+    withdrawn counted until ``ended_at``. ``raw_removed_at`` is when the retention took
+    the bytes, ``reduced_with`` names everything that reduction and residuals depend on
     besides the bytes.
     """
 
@@ -62,6 +63,7 @@ class Record(Base):
     received_at: Mapped[datetime]
     ended_at: Mapped[datetime | None]
     withdrawal: Mapped[dict[str, Any] | None]
+    raw_removed_at: Mapped[datetime | None]
     reduced_with: Mapped[str | None]
     reduction: Mapped[dict[str, Any] | None]
     residuals: Mapped[dict[str, Any] | None]
