@@ -13,6 +13,7 @@ from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from prometheus_client import Counter, Histogram
+from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
 
 import twin.warm_up
@@ -20,7 +21,7 @@ from service import __version__
 from service.context import Context
 from service.dashboard.pages import STATIC, page_router
 from service.database import Database, pending_migration, upgrade
-from service.errors import PROBLEM_JSON, Fault, Invalid, Problem
+from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Unavailable
 from service.ingest.decode import Limits
 from service.monitoring.acceptance import Acceptance
 from service.raw_store import RawStore
@@ -43,6 +44,9 @@ from service.routes import twin as twin_routes
 from service.settings import Settings
 
 API_PREFIX = "/api/v1"
+_DAY_S = 86_400.0
+_MET = ("40P01", "40001")
+"""Postgres' codes of transactions that met: deadlock, serialization failure."""
 log = structlog.get_logger("casedrain")
 _REQUESTS = Counter("casedrain_requests_total", "HTTP requests", ["method", "route", "status"])
 _SECONDS = Histogram("casedrain_request_seconds", "Time to answer", ["method", "route"])
@@ -57,9 +61,14 @@ def create_app(settings: Settings) -> FastAPI:
         app.state.context = context
         twin.warm_up.warm_up()
         worker = threading.Thread(target=_pick_up, args=(context,), name="pick-up", daemon=True)
-        worker.start()
+        stopped = threading.Event()
+        keeper = threading.Thread(target=_keep_house, args=(context, stopped), name="keep-house", daemon=True)
+        for thread in (worker, keeper):
+            thread.start()
         yield
-        worker.join(timeout=5.0)
+        stopped.set()
+        for thread in (worker, keeper):
+            thread.join(timeout=5.0)
         context.database.close()
 
     app = FastAPI(
@@ -91,6 +100,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_exception_handler(Problem, _on_problem)
     app.add_exception_handler(RequestValidationError, _on_validation)
     app.add_exception_handler(HTTPException, _on_http)
+    app.add_exception_handler(OperationalError, _on_met)
     app.add_exception_handler(Exception, _on_anything)
     app.middleware("http")(_logged)
     return app
@@ -120,17 +130,24 @@ def opened(settings: Settings) -> Context:
 
 
 def _pick_up(context: Context) -> None:
-    """End what a crash interrupted: uploads stored but not analysed, deletions; let raw bytes expire."""
-    try:
-        finish_deletions(context.database, context.raw_store)
-        expire(context.database, context.raw_store, datetime.now(UTC))
-    except Exception:
-        log.exception("deletions or expiry left for the next start")
+    """Analyse what a crash left stored but not analysed."""
     for record_id in context.acceptance.pending():
         try:
             context.acceptance.process(record_id)
         except Exception:
             log.exception("record left stored", record_id=record_id)
+
+
+def _keep_house(context: Context, stopped: threading.Event) -> None:
+    """End deletions that a crash interrupted, and let raw bytes expire once a day; any number of replicas may."""
+    while True:
+        try:
+            finish_deletions(context.database, context.raw_store)
+            expire(context.database, context.raw_store, datetime.now(UTC))
+        except Exception:
+            log.exception("deletions or expiry left for the next time")
+        if stopped.wait(_DAY_S):
+            return
 
 
 def _problem_response(problem: Problem) -> JSONResponse:
@@ -163,6 +180,13 @@ async def _on_http(_request: Request, error: Exception) -> Response:
         "detail": str(error.detail),
     }
     return JSONResponse(body, status_code=error.status_code, media_type=PROBLEM_JSON, headers=error.headers)
+
+
+async def _on_met(request: Request, error: Exception) -> Response:
+    if getattr(getattr(error, "orig", None), "sqlstate", None) not in _MET:
+        return await _on_anything(request, error)
+    detail = "another change of the same pumps was under way; nothing was changed: repeat the request"
+    return _problem_response(Unavailable(detail, headers={"Retry-After": "1"}))
 
 
 async def _on_anything(request: Request, error: Exception) -> Response:

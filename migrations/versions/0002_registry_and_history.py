@@ -169,6 +169,11 @@ def upgrade() -> None:
         batch_op.add_column(sa.Column("withdrawal", DOCUMENT, nullable=True))
         batch_op.add_column(sa.Column("raw_removed_at", INSTANT, nullable=True))
         batch_op.add_column(sa.Column("reduced_with", sa.String(), nullable=True))
+    op.execute(
+        "UPDATE records SET ended_at = (SELECT MIN(later.received_at) FROM records AS later "
+        "WHERE later.supersedes = records.id AND later.status IN ('analysed', 'superseded')) "
+        "WHERE status = 'superseded'"
+    )
 
 
 def downgrade() -> None:

@@ -62,6 +62,7 @@ def knowledge(session: Session, pump: Pump, archive: Archive, known_at: datetime
     intervals = installation_intervals(session, pump.id, known_at)
     places, placed, anew = {}, [], {}
     aircraft: dict[str, Mapping[str, Any]] = {}
+    keys: dict[Setting, str] = {}
     for row in rows:
         if row.started_at is None:
             raise RuntimeError(f"record {row.id} counts without a start")
@@ -70,7 +71,9 @@ def knowledge(session: Session, pump: Pump, archive: Archive, known_at: datetime
             aircraft[place.aircraft] = registry_values(session, pump.operator, "aircraft", place.aircraft, known_at)
         setting = setting_at(aircraft[place.aircraft], row.started_at)
         reduction, flags = row.reduction, place.flags + _record_flags(row, kind, registered, setting)
-        if reduction is None or row.reduced_with != analysis_key(kind, setting, thresholds):
+        if setting not in keys:
+            keys[setting] = analysis_key(kind, setting, thresholds)
+        if reduction is None or row.reduced_with != keys[setting]:
             if reduction is not None and row.raw_removed_at is not None:
                 flags += ("raw bytes are no longer kept: analysed as they were before",)
             else:

@@ -4,13 +4,14 @@ import hashlib
 import json
 import uuid
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, cast
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import CursorResult, delete, select
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from service.database import Database
-from service.errors import Unavailable
+from service.errors import Conflict, Unavailable
 from service.raw_store import RawStore
 from service.registry.ownership import owned_tables, rows_of
 from service.tables import Deletion, Record
@@ -19,10 +20,20 @@ from service.tables import Deletion, Record
 def delete_operator(database: Database, raw_store: RawStore, operator: str, author: str, reason: str) -> Deletion:
     """Delete everything of an operator and give the receipt.
 
+    Raises
+    ------
+    Conflict
+        when an upload arrived in the middle; nothing is deleted then.
+
+    Notes
+    -----
     A crash after the rows are gone leaves the deletion unfinished; ``finish_deletions`` ends it at the next start.
     """
-    with database.writing() as session:
-        row = _delete_rows(session, operator, author, reason)
+    try:
+        with database.writing() as session:
+            row = _delete_rows(session, operator, author, reason)
+    except IntegrityError:
+        raise Conflict(f"operator {operator} sent something at this moment: nothing was deleted, repeat") from None
     return _finish(database, raw_store, row.id)
 
 
@@ -57,9 +68,8 @@ def _delete_rows(session: Session, operator: str, author: str, reason: str) -> D
     digests = sorted(set(session.scalars(select(Record.content_hash).where(Record.operator == operator))))
     counts = {}
     for name, table in reversed(owned_tables().items()):
-        mine = rows_of(table, operator)
-        counts[name] = int(session.scalar(select(func.count()).select_from(table).where(mine)) or 0)
-        session.execute(delete(table).where(mine))
+        gone = cast("CursorResult[Any]", session.execute(delete(table).where(rows_of(table, operator))))
+        counts[name] = gone.rowcount
     row = Deletion(
         id=uuid.uuid4().hex,
         deleted_operator=operator,

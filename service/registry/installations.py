@@ -16,8 +16,7 @@ from service.monitoring.refold import Cause, refold
 from service.registry.arrival import known_aircraft
 from service.registry.entries import add, correct, entry, withdraw
 from service.registry.fields import Body, Instant, Name
-from service.registry.locks import lock_aircraft
-from service.tables import Aircraft, Installation, Pump
+from service.tables import Installation, Pump
 
 CHANGED = "installation_changed"
 
@@ -138,9 +137,7 @@ def _checked(session: Session, pump: Pump, body: NewInstallation, old: Installat
         raise Invalid(
             "an installation ends after it starts; nothing was changed", [Fault("body.to", "is not after from")]
         )
-    known_aircraft(session, pump.operator, body.aircraft)
-    query = select(Aircraft).where(Aircraft.operator == pump.operator, Aircraft.name == body.aircraft)
-    lock_aircraft(session, session.scalars(query).one())
+    known_aircraft(session, pump.operator, body.aircraft, for_change=True)
     clashes = (
         select(Installation, Pump.serial)
         .join(Pump, Installation.pump_id == Pump.id)

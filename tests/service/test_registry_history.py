@@ -1,5 +1,7 @@
 """Installations, maintenance, findings, withdrawals: what they change, and what was known before they did."""
 
+import random
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -296,3 +298,39 @@ def test_revisions_are_paged(client: TestClient) -> None:
     second = client.get(url, params={"limit": 2, "cursor": first["next"]}).json()
     assert first["items"] + second["items"] == everything
     assert second["next"] is None
+
+
+def test_changes_that_meet_lose_nothing(client: TestClient) -> None:
+    """Uploads, entries and corrections of one aircraft at once end as one after the other would."""
+    serials = [f"P-{i}" for i in range(4)]
+
+    def station(i: int) -> dict[str, str]:
+        return {"pump_serial": serials[i], "position": f"N{i}"}
+
+    for i in range(4):
+        upload(client, 0, **station(i))
+
+    def send(n: int) -> int:
+        params = {**station(n % 4), "flight_id": f"G{n}", "started_at": day(1 + n // 4)}
+        return client.post(f"{API}/records", content=body(), headers=JSON, params=params).status_code
+
+    def install(i: int) -> int:
+        entry = {"aircraft": "F-1", "position": f"N{i}", "from": day(0)}
+        return client.post(f"{API}/pumps/{serials[i]}/installations", json=entry).status_code
+
+    def repaint(i: int) -> int:
+        circuit = ("shared_return", "separate_drain")[i % 2]
+        return client.patch(f"{API}/aircraft/F-1", json={"circuit": circuit}).status_code
+
+    tasks = [*((send, n) for n in range(16)), *((install, i) for i in range(4)), *((repaint, i) for i in range(6))]
+    random.Random(3).shuffle(tasks)
+    with ThreadPoolExecutor(8) as pool:
+        statuses = list(pool.map(lambda task: task[0](task[1]), tasks))
+    assert set(statuses) <= {200, 201}
+    client.patch(f"{API}/aircraft/F-1", json={"circuit": "separate_drain"})
+    together = [client.get(f"{API}/pumps/{serial}/verdict").json() for serial in serials]
+    assert [v["quality"]["records_used"] for v in together] == [5] * 4
+    # a change that says nothing new is no change; this one folds everything anew, one after the other
+    client.patch(f"{API}/aircraft/F-1", json={"circuit": "shared_return"})
+    client.patch(f"{API}/aircraft/F-1", json={"circuit": "separate_drain"})
+    assert [client.get(f"{API}/pumps/{serial}/verdict").json() for serial in serials] == together
