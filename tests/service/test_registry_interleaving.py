@@ -67,6 +67,13 @@ class Life:
         answer = self.client.put(url, json={"values": values, "reason": "a trial"}, headers={"If-Match": tag})
         assert answer.status_code == 200, answer.text
 
+    def set_circuit(self, name: str, circuit: str) -> None:
+        url = f"{API}/aircraft"
+        answer = self.client.patch(f"{url}/{name}", json={"circuit": circuit}, params=self.of)
+        if answer.status_code == 404:
+            answer = self.client.post(url, json={"aircraft": name, "circuit": circuit, **self.of})
+        assert answer.status_code in (200, 201), answer.text
+
     def verdict(self, **more: str) -> Any:
         verdict = self.client.get(f"{self.pump}/verdict", params={**self.of, **more}).json()
         verdict.pop("threshold_version")
@@ -97,6 +104,7 @@ class Interleaving(RuleBasedStateMachine):
         self.spent: set[tuple[int, float, tuple[str, str]]] = set()
         self.entered: dict[str, tuple[str, dict[str, Any]]] = {}
         self.thresholds: dict[str, float] = {"baseline_records": 3}
+        self.circuits: dict[str, str] = {}
         self.moments: list[tuple[str, Any]] = []
         self.life.set_thresholds(self.thresholds)
 
@@ -160,9 +168,17 @@ class Interleaving(RuleBasedStateMachine):
         self.life.set_thresholds(wanted)
         self._note()
 
+    @rule(place=places, circuit=st.sampled_from(("shared_return", "separate_drain")))
+    def rebuild(self, place: tuple[str, str], circuit: str) -> None:
+        self.circuits[place[0]] = circuit
+        self.life.set_circuit(place[0], circuit)
+        self._note()
+
     def teardown(self) -> None:
         replay = Life(self.life.client)
         replay.set_thresholds(self.thresholds)
+        for name, circuit in self.circuits.items():
+            replay.set_circuit(name, circuit)
         if self.held:
             for flight in sorted(self.held):
                 replay.upload(self.held[flight][1])
