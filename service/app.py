@@ -13,7 +13,7 @@ from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from prometheus_client import Counter, Histogram
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DataError, OperationalError
 from starlette.exceptions import HTTPException
 
 import twin.warm_up
@@ -101,6 +101,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_exception_handler(RequestValidationError, _on_validation)
     app.add_exception_handler(HTTPException, _on_http)
     app.add_exception_handler(OperationalError, _on_met)
+    app.add_exception_handler(DataError, _on_unstorable)
     app.add_exception_handler(Exception, _on_anything)
     app.middleware("http")(_logged)
     return app
@@ -187,6 +188,13 @@ async def _on_met(request: Request, error: Exception) -> Response:
         return await _on_anything(request, error)
     detail = "another change of the same pumps was under way; nothing was changed: repeat the request"
     return _problem_response(Unavailable(detail, headers={"Retry-After": "1"}))
+
+
+async def _on_unstorable(_request: Request, _error: Exception) -> Response:
+    # Postgres refuses a NUL character where SQLite takes it: what cannot be stored cannot be found either
+    return _problem_response(
+        Invalid("the request holds characters or numbers that cannot be stored; nothing was changed")
+    )
 
 
 async def _on_anything(request: Request, error: Exception) -> Response:

@@ -219,3 +219,11 @@ def test_a_pump_heard_of_today_is_not_silent(client: TestClient) -> None:
 
     upload(client, body(document()), started_at=(datetime.now(UTC) - timedelta(days=1)).isoformat())
     assert client.get(f"{API}/pumps/P-1").json()["silent"] is False
+
+
+@pytest.mark.parametrize("path", ["/pumps/%00", "/aircraft/%00", "/pumps/%00/installations", "/pump-types/%00"])
+def test_what_cannot_be_stored_is_not_found(client: TestClient, path: str) -> None:
+    assert client.get(API + path).status_code in (404, 422)
+    assert client.patch(f"{API}/pumps/%00", json={}).status_code in (404, 422)
+    refused = client.post(f"{API}/aircraft", json={"aircraft": "F\x00"})
+    assert faults_of(refused) == {"body.aircraft"}
