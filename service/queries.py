@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from service.errors import NotFound
 from service.monitoring.analysis import empty_verdict, thresholds_of
 from service.security import Principal
-from service.tables import Pump, Record, StoredAssessment
+from service.tables import Pump, Record, StoredAssessment, VerdictRevision
 
 
 def record(session: Session, principal: Principal, record_id: str) -> Record:
@@ -93,6 +93,15 @@ def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAss
     return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
 
 
+def assessments_at(operator: str, aircraft: str, position: str) -> Select[StoredAssessment, str]:
+    """Assessments of whatever pump sat at a position, with its serial, in event order."""
+    query = select(StoredAssessment, Pump.serial).join(Pump, StoredAssessment.pump_id == Pump.id)
+    query = query.where(
+        Pump.operator == operator, StoredAssessment.aircraft == aircraft, StoredAssessment.position == position
+    )
+    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
+
+
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
     """The newest assessment of each pump that has one."""
     newest = (
@@ -130,6 +139,14 @@ def verdict_changes(session: Session, row: Pump) -> list[StoredAssessment]:
         if not changes or changes[-1].state != assessment.state:
             changes.append(assessment)
     return changes
+
+
+def revisions(pump_id: int, after: int | None = None) -> Select[VerdictRevision]:
+    """Past verdicts of a pump that changed, the newest change first."""
+    query = select(VerdictRevision).where(VerdictRevision.pump_id == pump_id)
+    if after is not None:
+        query = query.where(VerdictRevision.id < after)
+    return query.order_by(VerdictRevision.id.desc())
 
 
 def n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:
