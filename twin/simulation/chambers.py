@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
 from twin.laws.compressibility import P_FLOOR, Medium, pressure, relative_compressibility, relative_density
+from twin.laws.fluid import Film, film_viscosity
 from twin.laws.orifice import smooth_orifice_conductance
 from twin.parameters import Piston, PortPlate, Pump
 from twin.parts.piston import chamber_volume, volume_by_tilt, volume_rate_by_rotation
@@ -43,7 +44,7 @@ from twin.simulation.layout import (
     TORQUE,
     VOLUME,
 )
-from twin.simulation.scene import Scene, viscosity_factor
+from twin.simulation.scene import Scene
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -108,7 +109,7 @@ def constant_gaps(pump: Pump, scene: Scene, y: Vector, n: int, clearances: Matri
     K = scene.throttle
     for k in range(n):
         P = max(y[N_SHARED + k], P_FLOOR)
-        mu = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P - P_c, 0.0))
+        mu = film_viscosity(scene.film, P, P_c)
         b, h = clearances[k, 0], clearances[k, 1]
         G = land * h * h * h / mu
         ch[k, G_LAND] = scene.slipper_scale * throttled_conductance(P - P_c, K, G)
@@ -144,7 +145,6 @@ def eliminate(
     busy = plate.phi_seal + _FILLING * plate.phi_ramp
     area_R = 0.25 * math.pi * piston.d_p**2 * piston.R
     land = scene.slipper_scale, scene.land * pump.slipper.h**3, scene.throttle
-    viscosity = scene.mu_0, scene.mu_slope
     ring = scene.piston_scale * scene.ring
     pitch = 2.0 * math.pi / n
     delayed = (y[THETA] - plate.phi_commutation) % (2.0 * math.pi)
@@ -167,7 +167,7 @@ def eliminate(
                 scene.medium,
                 ends,
                 land,
-                viscosity,
+                scene.film,
                 ring,
                 scene.rho,
                 P_s,
@@ -242,7 +242,7 @@ def fill(
     m: Medium,
     ends: tuple[float, float, float, float, float, float],
     land: tuple[float, float, float],
-    viscosity: tuple[float, float],
+    film: Film,
     ring: float,
     rho: float,
     P_s: float,
@@ -258,7 +258,7 @@ def fill(
     """A chamber through ``n_sub`` substeps, the shared states standing at the step's end: affine results into ``row``.
 
     ``ends`` are clearance factors of piston and slipper, angle past the delayed dead centre, torque arm, tan(alpha),
-    area times R; ``land`` scale, coefficient and throttle; ``viscosity`` at ambient pressure and its slope.
+    area times R; ``land`` scale, coefficient and throttle.
     """
     gap_b, gap_h, angle, tilt, t, area_R = ends
     t_max = (row[VOLUME] - piston.V_dead) / area_R - t * row[COS]
@@ -313,7 +313,7 @@ def fill(
         volume = turned
         density, capacity = relative_density(m, guess), relative_compressibility(m, guess)
         dP = max(guess - P_c, 0.0)
-        mu = viscosity[0] * viscosity_factor(viscosity[1] * dP)
+        mu = film_viscosity(film, guess, P_c)
         G_h = land[0] * throttled_conductance(dP, land[2], land[1] * gap_h * gap_h * gap_h / mu)
         G_l = G_h + ring * gap_b * gap_b * gap_b / (mu * (piston.l_mean - piston.R * t * c))
     row[_P_END], row[_P_END + 1], row[_P_END + 2], row[_P_END + 3] = p_0, p_d, p_c, p_w
