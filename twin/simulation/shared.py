@@ -255,7 +255,10 @@ def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, d
     # carried pistons: the control volume grows as the tilt falls, the case as it rises
     A[1, 5] += s.arm - s.arm_rate
     A[3, 5] -= s.arm
-    A[5, 3] += s.arm
+    # the plate on the control volume is an oscillator that a wholly implicit step damps: pushing it by the mean of old
+    # and new control pressure halves that and stays stable at any step
+    A[5, 3] += 0.5 * s.arm
+    b[5] -= 0.5 * s.arm * P_ctrl
     A[5, 1] -= s.arm - s.arm_rate
     A[0, 5] += s.arm_rate
     A[5, 0] -= s.arm_rate
