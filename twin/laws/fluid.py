@@ -110,3 +110,9 @@ def viscosity_factor(x: float) -> float:
 def film_viscosity(film: Film, P_0: float, P_1: float) -> float:
     """Effective dynamic viscosity in a gap from P_0 to P_1 [Pa s]; fed backwards it counts as unloaded."""
     return film.mu_0 * viscosity_factor(film.slope * max(P_0 - P_1, 0.0) + film.barus * (P_1 - P_ATMOSPHERE))
+
+
+@compiled
+def film_fluidity(film: Film, P_0: float, P_1: float) -> float:
+    """One over ``film_viscosity`` [1/Pa/s]: for kernels that multiply by it several times."""
+    return viscosity_factor(-film.slope * max(P_0 - P_1, 0.0) - film.barus * (P_1 - P_ATMOSPHERE)) / film.mu_0
