@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.referee import compared, order_amplitude
+from benchmarks.referee import compared
 from twin.condition import Condition, Health
 from twin.laws.bench import drain_pressure_drop, return_pressure_drop
 from twin.laws.compressibility import medium_of, relative_density
@@ -22,6 +22,7 @@ from twin.simulation.scenario import Scenario, Schedule, Value
 from twin.units import KELVIN_AT_0_DEGC, RAD_PER_S_PER_RPM
 from twin.units import M3_PER_S_PER_LPM as LPM
 from twin.units import PA_PER_BAR as BAR
+from twin.validation.spectrum import order_amplitudes
 
 PUMP = pump_type("h225").pump
 LIFTED = PUMP._replace(slipper=PUMP.slipper._replace(variable=1.0))
@@ -189,7 +190,7 @@ def test_uneven_wear_draws_a_line_at_once_per_revolution() -> None:
             PUMP, Condition(4600, 50), BENCH, changes=changes, settle_revolutions=60, keep_states=True
         )  # fmt: skip
         per = round(len(run.states) / 64)
-        lines.append(order_amplitude(run.states[-4 * per :, P_D], 4) / BAR)
+        lines.append(order_amplitudes(run.states[-4 * per :, P_D], 4, 1)[0] / BAR)
     healthy, one_worn, all_worn = lines
     assert one_worn > 0.02
     assert max(healthy, all_worn) < 0.1 * one_worn
