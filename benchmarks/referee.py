@@ -18,6 +18,7 @@ from twin.simulation.scenario import Scenario, Value
 from twin.simulation.scene import N_SCENE, Scene, scene_of
 from twin.simulation.step import rates
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR
+from twin.validation.spectrum import order_amplitudes
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -104,11 +105,6 @@ def lsoda(p: Problem, start: Vector, instants: Vector, rtol: float = 1e-9) -> Ma
     return states
 
 
-def order_amplitude(samples: Vector, cycles: int) -> float:
-    """Amplitude of the component with so many cycles in the samples, which hold whole revolutions."""
-    return float(2 * np.abs(np.fft.rfft(samples)[cycles]) / len(samples))
-
-
 def summary(p: Problem, states: Matrix, revolutions: int) -> dict[str, float]:
     """Means [bar, L/min] and order amplitudes [bar] of states sampled evenly over whole revolutions."""
     n = int(p.pump.piston.n)
@@ -123,8 +119,8 @@ def summary(p: Problem, states: Matrix, revolutions: int) -> dict[str, float]:
         "case_pressure_bar": float(P_c.mean() - scene.P_amb) / PA_PER_BAR,
         "case_flow_lpm": float(case_flow.mean()) / M3_PER_S_PER_LPM,
         "discharge_flow_lpm": float(load.mean()) / M3_PER_S_PER_LPM,
-        "discharge_order_n_bar": order_amplitude(P_d, n * revolutions) / PA_PER_BAR,
-        "case_order_n_bar": order_amplitude(P_c, n * revolutions) / PA_PER_BAR,
+        "discharge_order_n_bar": float(order_amplitudes(P_d, revolutions, n)[-1]) / PA_PER_BAR,
+        "case_order_n_bar": float(order_amplitudes(P_c, revolutions, n)[-1]) / PA_PER_BAR,
     }
 
 

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.condition import Condition, Health, input_rows
+from twin.compiled import compiled
+from twin.condition import INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
 from twin.laws.fluid import kinematic_viscosity
-from twin.operating_point import operating_points
-from twin.parameters import Circuit, PumpType
+from twin.parameters import Circuit, Pump, PumpType
+from twin.steady_solver import solve_batch
 from twin.steady_state import drain_viscosity_ratio
 from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR
 
@@ -82,7 +83,7 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
         Where the twin has a solution, shape (n,); the other rows hold NaN.
     """
     asked = [*conditions, reference_condition(pump)]
-    points = operating_points(pump.pump, input_rows(asked, [Health()] * len(asked)), circuit, derivatives=True)
+    points = _solved_apart(pump.pump, input_rows(asked, [Health()] * len(asked)), circuit)
     rows = np.empty((len(asked), len(COLUMNS)))
 
     def put(name: str, values: Array | float) -> None:
@@ -144,3 +145,21 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     solved = points.status == 0
     rows[~solved] = np.nan
     return rows[:-1], solved[:-1]
+
+
+def _solved_apart(pump: Pump, inputs: Array, circuit: Circuit) -> OperatingPoints:
+    """Operating points with derivatives, each from a cold start: a window's anchor may not depend on its neighbours."""
+    n = len(inputs)
+    values, slopes = np.empty((n, len(OUTPUTS))), np.empty((n, len(OUTPUTS), len(INPUTS)))
+    status = np.zeros(n, dtype=np.int64)
+    _solve_each(pump, circuit, inputs, np.zeros(n), values, slopes, status)
+    return OperatingPoints(inputs, values, slopes, status)
+
+
+@compiled
+def _solve_each(
+    pump: Pump, circuit: Circuit, rows: Array, k_d: Array, values: Array, slopes: Array, status: NDArray[np.int64]
+) -> None:
+    for i in range(len(rows)):
+        row = slice(i, i + 1)
+        solve_batch(pump, circuit, rows[row], k_d[row], values[row], slopes[row], status[row])

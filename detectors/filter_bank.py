@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.components import INDEX, N_COMPONENTS
-from detectors.filter_kernel import advance, step
-from detectors.filter_summary import ARRIVAL, spawned
+from detectors.filter_kernel import N_MEASURED, advance, step
+from detectors.filter_refit import fit_anew
+from detectors.filter_summary import ARRIVAL, RAMP, spawned
 from detectors.state_model import (
     AMPLITUDE,
     FAULT_KINDS,
@@ -35,9 +36,8 @@ SPAWN_EVERY = 4
 MOST_ONSETS = 5
 _FIRST_RECORDS = 5
 _FIRST_ITERATIONS = 3
-_FITTED_ANEW_AT = (8, 16, 32, 64, 128, 256)
-"""Records after which the healthy pump is fitted to its whole history anew, linearised about where it stands: resistance,
-weights and flows multiply each other, and a filter that met them one by one is surer than it should be."""
+_FITTED_ANEW_AT = (8, 12, 16, 24, 32, 48, 64, 128)
+"""Records after which every filter is fitted to its whole history anew (``detectors.filter_refit``)."""
 _NOWHERE = np.empty(0)
 ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
@@ -51,10 +51,14 @@ _LOG_ARRIVAL = float(np.log(0.04))
 """Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
 LOG_HAZARD = float(np.log(1.0e-3))
 """Prior of one kind of fault setting in, as a step or as a ramp, within the spacing of onset candidates (estimate)."""
-RAMP_RECORDS = 50.0
-"""Records in which a ramp of one sigma grows by a fault's scale (estimate)."""
-_AMPLITUDE_WALK = np.array([0.01, 0.01, 0.0])
+RAMP_RECORDS = 30.0
+"""Records in which a ramp of one sigma grows by a fault's scale: wide enough for 0.04 L/min a flight, and not so wide
+that 0.004 would be punished (estimate)."""
+_LOG_PRIORS = np.array([LOG_HAZARD, LOG_HAZARD, _LOG_ARRIVAL])
+_AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
 """Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
+_RATE_WALK = 0.05
+"""Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
 _CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * 2 * MOST_ONSETS
 
 _DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
@@ -120,6 +124,9 @@ class Bank:
     records: int = 0
     reservoir_measured: bool = True
     learnt: list[tuple[Measurement, ...]] = field(default_factory=list)
+    base_mean: Array = field(default_factory=lambda: np.zeros(N_STATE))
+    base_covariance: Array = field(default_factory=lambda: np.zeros((N_STATE, N_STATE)))
+    base_records: int = 0
 
     def __post_init__(self) -> None:
         """Start with the population's spread: the healthy pump, and those that arrive worn."""
@@ -129,6 +136,7 @@ class Bank:
             if row > 0:
                 self.kind[row], self.shape[row] = names.index(ARRIVAL_KINDS[row - 1]), ARRIVAL
             self._begin(row)
+        self.base_mean, self.base_covariance = self.mean[0].copy(), self.covariance[0].copy()
 
     def _begin(self, row: int) -> None:
         """Set a filter that is alive from the first record to its prior."""
@@ -142,58 +150,99 @@ class Bank:
 
     def learn(self, measurements: tuple[Measurement, ...]) -> None:
         """Take one record's windows: let time pass, weigh and update every filter."""
-        self._pass_time(slice(self.n))
+        self._pass_time()
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
                 self._set_reservoir(measurement.reservoir_measured)
             iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
-            self._take(measurement, slice(self.n), iterations, _NOWHERE)
+            self._take(measurement, iterations)
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.records += 1
         self.learnt.append(measurements)
-        if self.records in _FITTED_ANEW_AT:
-            self._fit_anew()
-        if self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0:
+        if self.records - self.base_records in _FITTED_ANEW_AT:
+            for _ in range(2 if self.records - self.base_records <= 32 else 1):
+                self._fit_anew()
+        settled = self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0
+        # half a bar of unknown reservoir pressure is as much as a worn pump makes: without the sensor nobody can say
+        if settled or not self.reservoir_measured:
             self._keep(np.flatnonzero(self.shape[: self.n] != ARRIVAL))
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
-        self._take(measurement, slice(self.n), 1, _NOWHERE)
+        self._take(measurement, 1)
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.learnt[-1] = (*self.learnt[-1], measurement)
 
     def _fit_anew(self) -> None:
-        """Fit what is alive from the first record on to everything learnt, linearised about where it stands now."""
+        """Fit every filter to everything learnt since the base, linearised about where it stands now."""
+        n = self.n
+        rows = np.flatnonzero((self.kind[:n] == HEALTHY) | (self.onset[:n] >= self.base_records))
         held = self.log_evidence[0]
-        old = [0, *np.flatnonzero(self.shape[: self.n] == ARRIVAL)]
-        for row in old:
-            for _ in range(2):
-                about = self.mean[row].copy()
-                self._begin(row)
-                for measurements in self.learnt:
-                    self._pass_time(slice(row, row + 1))
-                    for measurement in measurements:
-                        self._take(measurement, slice(row, row + 1), 1, about)
-        self.log_evidence[old] += held - self.log_evidence[0]
+        taken = [(i, m) for i, measurements in enumerate(self.learnt) for m in measurements]
+        seen = np.zeros((len(taken), N_MEASURED), dtype=np.bool_)
+        for place, (_, m) in enumerate(taken):
+            seen[place, m.seen] = True
+        amplitude, rate = self._wander(slice(n))
+        fit_anew(
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.shape,
+            self.onset,
+            self.log_evidence,
+            rows,
+            self.base_mean,
+            self.base_covariance,
+            self.base_records,
+            _SCALES,
+            RAMP_RECORDS,
+            np.array(ARRIVAL_LEAKAGE_LPM),
+            _LOG_PRIORS,
+            self._walk(),
+            amplitude,
+            rate,
+            _DIRECTIONS,
+            np.array([m.anchor for _, m in taken]),
+            np.array([m.ripple for _, m in taken]),
+            np.array([m.values for _, m in taken]),
+            np.array([m.noise for _, m in taken]),
+            seen,
+            np.array([self.base_records + i for i, _ in taken]),
+        )
+        self.log_evidence[rows] += held - self.log_evidence[0]
+        self.log_evidence[:n] -= self.log_evidence[:n].max()
 
-    def _pass_time(self, rows: slice) -> None:
+    def _rebase(self) -> None:
+        """Let the history that fits go back to begin here; what set in before keeps the filter that it has."""
+        self.base_mean, self.base_covariance = self.mean[0].copy(), self.covariance[0].copy()
+        self.base_records = self.records
+        self.learnt.clear()
+
+    def _walk(self) -> Array:
+        if self.reservoir_measured:
+            return _WALK
+        walk = _WALK.copy()
+        walk[INDEX["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
+        return walk
+
+    def _wander(self, rows: slice) -> tuple[Array, Array]:
+        """Variance of each filter's amplitude and of its rate from record to record."""
+        kinds, shape = self.kind[rows], self.shape[rows]
+        amplitude = (_AMPLITUDE_WALK[shape] * _SCALES[kinds]) ** 2
+        return amplitude, np.where(shape == RAMP, (_RATE_WALK * _SCALES[kinds] / RAMP_RECORDS) ** 2, 0.0)
+
+    def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
-        walk = _WALK
-        if not self.reservoir_measured:
-            walk = _WALK.copy()
-            walk[INDEX["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
-        kinds = self.kind[rows]
-        amplitude = (_AMPLITUDE_WALK[self.shape[rows]] * _SCALES[kinds]) ** 2
-        advance(self.mean[rows], self.covariance[rows], len(kinds), walk, amplitude)
+        amplitude, rate = self._wander(slice(self.n))
+        advance(self.mean, self.covariance, self.n, self._walk(), amplitude, rate)
 
-    def _take(self, measurement: Measurement, rows: slice, iterations: int, about: Array) -> None:
-        kinds = self.kind[rows]
+    def _take(self, measurement: Measurement, iterations: int) -> None:
         step(
-            self.mean[rows],
-            self.covariance[rows],
-            kinds,
-            self.log_evidence[rows],
-            len(kinds),
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.log_evidence,
+            self.n,
             _DIRECTIONS,
             measurement.anchor,
             measurement.ripple,
@@ -201,7 +250,7 @@ class Bank:
             measurement.noise,
             measurement.seen,
             iterations,
-            about,
+            _NOWHERE,
         )
 
     def spawn(self) -> None:
@@ -231,6 +280,7 @@ class Bank:
         _, sd = prior(self.pump)
         for name in components:
             self._forget(INDEX[name], sd[INDEX[name]])
+        self._rebase()
 
     def _keep(self, rows: Integers) -> None:
         """Drop every filter but these, in their order."""
@@ -251,3 +301,4 @@ class Bank:
         self._forget(place, spread)
         self.mean[: self.n, place] = 0.0
         self.reservoir_measured = measured
+        self._rebase()

@@ -196,10 +196,13 @@ def _whitened(L: Array, innovation: Array, white: Array, k: int) -> tuple[float,
 
 
 @compiled
-def advance(mean: Array, covariance: Array, n_filters: int, walk: Array, amplitude_walk: Array) -> None:
+def advance(
+    mean: Array, covariance: Array, n_filters: int, walk: Array, amplitude_walk: Array, rate_walk: Array
+) -> None:
     """From one record to the next, in place: amplitudes grow by their rate, every component wanders.
 
-    ``walk`` holds variances, shape (N,); ``amplitude_walk`` the variance of each filter's amplitude, shape (M,).
+    ``walk`` holds variances, shape (N,); ``amplitude_walk`` and ``rate_walk`` those of each filter's amplitude and of its
+    rate, shape (M,).
     """
     for f in range(n_filters):
         m, P = mean[f], covariance[f]
@@ -212,6 +215,7 @@ def advance(mean: Array, covariance: Array, n_filters: int, walk: Array, amplitu
         for i in range(_N):
             P[i, i] += walk[i]
         P[_AMPLITUDE, _AMPLITUDE] += amplitude_walk[f]
+        P[_RATE, _RATE] += rate_walk[f]
 
 
 @compiled

@@ -74,7 +74,8 @@ def block_means(time_s: Samples, samples: Samples, block_s: float) -> tuple[Samp
     """
     if len(time_s) == 0:
         return np.empty(0), np.empty(0)
-    index = ((time_s - time_s[0]) / block_s).astype(np.int64)
+    # a time stamp a hair before the edge of its block belongs to it
+    index = ((time_s - time_s[0]) / block_s + 1.0e-6).astype(np.int64)
     m = int(index[-1]) + 1
     known = np.isfinite(samples)
     count = np.bincount(index[known], minlength=m)

@@ -53,8 +53,7 @@ def _blocks(recording: Recording, shortest_s: float) -> _Blocks:
     time = np.empty(0)
     channels = {}
     for name in names:
-        # time stamps a hair before the edge of their block belong to it
-        time, channels[name] = block_means(recording.time_s + 1e-6 * step, recording[name], duration)
+        time, channels[name] = block_means(recording.time_s, recording[name], duration)
     return _Blocks(time, duration, channels)
 
 
@@ -74,8 +73,25 @@ def _candidates(
     zero = quiet & (pressure > regulated)
     if commanded is None:
         return [(WindowKind.ZERO_FLOW, zero)]
-    flowing = np.nan_to_num(commanded) > thresholds["window_commanded_flow_lpm"]
-    return [(WindowKind.ZERO_FLOW, zero & ~flowing), (WindowKind.CONSTANT_FLOW, quiet & flowing)]
+    # where nobody recorded what was commanded, nobody knows what flowed
+    known = np.isfinite(commanded)
+    flowing = known & (np.nan_to_num(commanded) > thresholds["window_commanded_flow_lpm"])
+    found = [(WindowKind.ZERO_FLOW, zero & known & ~flowing)]
+    # a ground run holds one flow after the other: each level is a stretch of its own
+    level = _levels(commanded, flowing, thresholds["window_commanded_flow_lpm"])
+    found += [(WindowKind.CONSTANT_FLOW, quiet & (level == k)) for k in range(1, int(level.max(initial=0)) + 1)]
+    return found
+
+
+def _levels(commanded: NDArray[np.float64], flowing: NDArray[np.bool_], step: float) -> NDArray[np.int64]:
+    """Number of the level that each block is commanded to, counted from 1 in time order; 0 where nothing is."""
+    level = np.zeros(len(commanded), dtype=np.int64)
+    count, held = 0, np.nan
+    for i in np.flatnonzero(flowing):
+        if i == 0 or not flowing[i - 1] or abs(commanded[i] - held) > step:
+            count, held = count + 1, commanded[i]
+        level[i] = count
+    return level
 
 
 def _cut(

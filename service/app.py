@@ -5,6 +5,7 @@ import time
 import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from datetime import UTC, datetime
 from http import HTTPStatus
 
 import structlog
@@ -12,6 +13,7 @@ from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from prometheus_client import Counter, Histogram
+from sqlalchemy.exc import DataError, OperationalError
 from starlette.exceptions import HTTPException
 
 import detectors.warm_up
@@ -19,15 +21,34 @@ from service import __version__
 from service.context import Context
 from service.dashboard.pages import STATIC, page_router
 from service.database import Database, pending_migration, upgrade
-from service.errors import PROBLEM_JSON, Fault, Invalid, Problem
+from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Unavailable
 from service.ingest.decode import Limits
 from service.monitoring.acceptance import Acceptance
 from service.raw_store import RawStore
-from service.routes import fleet, keys, operations, pumps, records, thresholds, twin_isolability, twin_simulation
+from service.registry.deletion import finish_deletions
+from service.registry.operators import expire
+from service.routes import (
+    aircraft,
+    fleet,
+    history,
+    keys,
+    operations,
+    operators,
+    pump_types,
+    pumps,
+    records,
+    registry_files,
+    thresholds,
+    twin_isolability,
+    twin_simulation,
+)
 from service.routes import twin as twin_routes
 from service.settings import Settings
 
 API_PREFIX = "/api/v1"
+_DAY_S = 86_400.0
+_MET = ("40P01", "40001")
+"""Postgres' codes of transactions that met: deadlock, serialization failure."""
 log = structlog.get_logger("casedrain")
 _REQUESTS = Counter("casedrain_requests_total", "HTTP requests", ["method", "route", "status"])
 _SECONDS = Histogram("casedrain_request_seconds", "Time to answer", ["method", "route"])
@@ -42,9 +63,14 @@ def create_app(settings: Settings) -> FastAPI:
         app.state.context = context
         detectors.warm_up.warm_up()
         worker = threading.Thread(target=_pick_up, args=(context,), name="pick-up", daemon=True)
-        worker.start()
+        stopped = threading.Event()
+        keeper = threading.Thread(target=_keep_house, args=(context, stopped), name="keep-house", daemon=True)
+        for thread in (worker, keeper):
+            thread.start()
         yield
-        worker.join(timeout=5.0)
+        stopped.set()
+        for thread in (worker, keeper):
+            thread.join(timeout=5.0)
         context.database.close()
 
     app = FastAPI(
@@ -55,7 +81,21 @@ def create_app(settings: Settings) -> FastAPI:
         responses={"default": {"description": "Problem", "content": {PROBLEM_JSON: {}}}},
     )
     api = APIRouter(prefix=API_PREFIX)
-    for part in (records, pumps, fleet, thresholds, keys, twin_routes, twin_isolability, twin_simulation):
+    for part in (
+        records,
+        pumps,
+        history,
+        aircraft,
+        pump_types,
+        registry_files,
+        operators,
+        fleet,
+        thresholds,
+        keys,
+        twin_routes,
+        twin_isolability,
+        twin_simulation,
+    ):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(operations.router)
@@ -64,6 +104,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_exception_handler(Problem, _on_problem)
     app.add_exception_handler(RequestValidationError, _on_validation)
     app.add_exception_handler(HTTPException, _on_http)
+    app.add_exception_handler(OperationalError, _on_met)
+    app.add_exception_handler(DataError, _on_unstorable)
     app.add_exception_handler(Exception, _on_anything)
     app.middleware("http")(_logged)
     return app
@@ -101,6 +143,18 @@ def _pick_up(context: Context) -> None:
             log.exception("record left stored", record_id=record_id)
 
 
+def _keep_house(context: Context, stopped: threading.Event) -> None:
+    """End deletions that a crash interrupted, and let raw bytes expire once a day; any number of replicas may."""
+    while True:
+        try:
+            finish_deletions(context.database, context.raw_store)
+            expire(context.database, context.raw_store, datetime.now(UTC))
+        except Exception:
+            log.exception("deletions or expiry left for the next time")
+        if stopped.wait(_DAY_S):
+            return
+
+
 def _problem_response(problem: Problem) -> JSONResponse:
     return JSONResponse(
         problem.body(), status_code=int(problem.status), media_type=PROBLEM_JSON, headers=problem.headers
@@ -131,6 +185,20 @@ async def _on_http(_request: Request, error: Exception) -> Response:
         "detail": str(error.detail),
     }
     return JSONResponse(body, status_code=error.status_code, media_type=PROBLEM_JSON, headers=error.headers)
+
+
+async def _on_met(request: Request, error: Exception) -> Response:
+    if getattr(getattr(error, "orig", None), "sqlstate", None) not in _MET:
+        return await _on_anything(request, error)
+    detail = "another change of the same pumps was under way; nothing was changed: repeat the request"
+    return _problem_response(Unavailable(detail, headers={"Retry-After": "1"}))
+
+
+async def _on_unstorable(_request: Request, _error: Exception) -> Response:
+    # Postgres refuses a NUL character where SQLite takes it: what cannot be stored cannot be found either
+    return _problem_response(
+        Invalid("the request holds characters or numbers that cannot be stored; nothing was changed")
+    )
 
 
 async def _on_anything(request: Request, error: Exception) -> Response:

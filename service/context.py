@@ -7,7 +7,9 @@ from fastapi import Depends, Request
 
 from service.database import Database
 from service.errors import Unauthenticated
+from service.ingest.decode import Limits
 from service.monitoring.acceptance import Acceptance
+from service.monitoring.archive import Archive
 from service.raw_store import RawStore
 from service.security import EVERYBODY, Principal, principal_of, touch_key
 from service.settings import Settings
@@ -65,6 +67,12 @@ def known_principal(database: Database, key: str) -> Principal:
         with database.writing() as session:
             touch_key(session, key)
     return found
+
+
+def archive_of(context: Context) -> Archive:
+    """Stored recordings, decoded within the limits of the settings."""
+    limits = Limits(context.settings.max_inflated_bytes, context.settings.max_rows)
+    return Archive(context.raw_store, limits)
 
 
 ContextOf = Annotated[Context, Depends(context_of)]

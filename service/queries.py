@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from service.errors import NotFound
 from service.monitoring.analysis import empty_verdict, thresholds_of
 from service.security import Principal
-from service.tables import Pump, Record, StoredAssessment
+from service.tables import Pump, Record, StoredAssessment, VerdictRevision
 
 
 def record(session: Session, principal: Principal, record_id: str) -> Record:
@@ -97,8 +97,9 @@ def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAss
 class TrendOfRecord:
     """What one record added to the trends, and where and when in the pump's life it was taken."""
 
-    aircraft: str | None
-    position: str | None
+    at: datetime
+    aircraft: str
+    position: str
     flight_hours: float | None
     state: str
     trend: dict[str, Any]
@@ -106,12 +107,22 @@ class TrendOfRecord:
 
 def trends_of_records(session: Session, pump_id: int) -> list[TrendOfRecord]:
     """A pump's trend points with their place and flight hours, in event order."""
-    query = select(
-        Record.aircraft, Record.position, Record.flight_hours, StoredAssessment.state, StoredAssessment.trend
-    ).join(Record, Record.id == StoredAssessment.record_id)
+    kept = StoredAssessment
+    query = select(kept.at, kept.aircraft, kept.position, Record.flight_hours, kept.state, kept.trend).join(
+        Record, Record.id == StoredAssessment.record_id
+    )
     query = query.where(StoredAssessment.pump_id == pump_id)
     rows = session.execute(query.order_by(StoredAssessment.at, StoredAssessment.record_id))
     return [TrendOfRecord(*row) for row in rows]
+
+
+def assessments_at(operator: str, aircraft: str, position: str) -> Select[StoredAssessment, str]:
+    """Assessments of whatever pump sat at a position, with its serial, in event order."""
+    query = select(StoredAssessment, Pump.serial).join(Pump, StoredAssessment.pump_id == Pump.id)
+    query = query.where(
+        Pump.operator == operator, StoredAssessment.aircraft == aircraft, StoredAssessment.position == position
+    )
+    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
 
 
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
@@ -151,6 +162,14 @@ def verdict_changes(session: Session, row: Pump) -> list[StoredAssessment]:
         if not changes or changes[-1].state != assessment.state:
             changes.append(assessment)
     return changes
+
+
+def revisions(pump_id: int, after: int | None = None) -> Select[VerdictRevision]:
+    """Past verdicts of a pump that changed, the newest change first."""
+    query = select(VerdictRevision).where(VerdictRevision.pump_id == pump_id)
+    if after is not None:
+        query = query.where(VerdictRevision.id < after)
+    return query.order_by(VerdictRevision.id.desc())
 
 
 def n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:

@@ -56,6 +56,14 @@ class RawStore:
             raise Unavailable(f"the raw bytes {digest} are damaged in the raw store: restore them from a backup")
         return content
 
+    def remove(self, digest: str) -> bool:
+        """Remove the bytes of a hash: True when they were there."""
+        try:
+            self._files.rm_file(self._path(digest))
+        except FileNotFoundError:
+            return False
+        return True
+
     def ping(self) -> None:
         """Write and read back a few bytes; raises what the store raises."""
         path = f"{self._root}/.probe-{uuid.uuid4().hex}"

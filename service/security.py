@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from service.errors import Forbidden, Unauthenticated
 from service.tables import ApiKey
 
-ROLES: tuple[str, ...] = ("viewer", "analyst", "admin")
+ROLES: tuple[str, ...] = ("viewer", "analyst", "engineer", "admin")
 """Roles in rising order: each may do what those before it may."""
 DEFAULT_OPERATOR = "default"
 _PREFIX = "cd_"

@@ -43,23 +43,25 @@ def pump_scopes(operator: str, serial: str, pump_type: str) -> tuple[Scope, ...]
     )
 
 
-def latest(session: Session, scope: Scope) -> ThresholdVersion | None:
-    """Newest version of one layer."""
+def latest(session: Session, scope: Scope, known_at: datetime | None = None) -> ThresholdVersion | None:
+    """Newest version of one layer, of those that were known at an instant."""
     query = select(ThresholdVersion).where(
         ThresholdVersion.scope == scope.kind,
         ThresholdVersion.scope_id == scope.id,
         ThresholdVersion.operator.is_(None) if scope.operator is None else ThresholdVersion.operator == scope.operator,
     )
+    if known_at is not None:
+        query = query.where(ThresholdVersion.created_at <= known_at)
     return session.scalar(query.order_by(ThresholdVersion.number.desc()).limit(1))
 
 
-def effective_thresholds(session: Session, scopes: tuple[Scope, ...]) -> Effective:
-    """Values of several layers laid over each other and over the defaults."""
+def effective_thresholds(session: Session, scopes: tuple[Scope, ...], known_at: datetime | None = None) -> Effective:
+    """Values of several layers laid over each other and over the defaults, now or as known at an instant."""
     values: dict[str, float] = {}
     origin = {key.name: "default" for key in KEYS}
     version = 0
     for scope in scopes:
-        row = latest(session, scope)
+        row = latest(session, scope, known_at)
         if row is not None:
             values |= row.values
             origin |= dict.fromkeys(row.values, f"{scope.kind}/{scope.id}")

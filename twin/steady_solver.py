@@ -9,7 +9,8 @@ from twin.compiled import compiled
 from twin.condition import INPUTS, RANGES, RESERVOIR_RANGE_BAR
 from twin.linear import solve_in_place
 from twin.parameters import Circuit, Pump
-from twin.steady_state import N_UNKNOWNS, evaluate
+from twin.parts.commutation import Commutations
+from twin.steady_state import N_UNKNOWNS, Warmth, commute, evaluate, warmth_of
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
 
 Vector = NDArray[np.float64]
@@ -24,9 +25,27 @@ NOT_CONVERGED = 4
 RESERVOIR = INPUTS.index("reservoir_pressure_bar")
 AMBIENT = INPUTS.index("ambient_pressure_bar")
 DROOP = INPUTS.index("droop_scale")
+TEMPERATURE = INPUTS.index("fluid_temperature_degc")
 _ANY = (-math.inf, math.inf)
 _LOW = tuple(RANGES.get(name, _ANY)[0] for name in INPUTS)
 _HIGH = tuple(RANGES.get(name, _ANY)[1] for name in INPUTS)
+
+N_COMMUTING = 3
+"""The first unknowns, P_d, P_c and s, are those that the commutations depend on."""
+_COMMUTES = tuple(
+    name
+    in (
+        "speed_rpm",
+        "fluid_temperature_degc",
+        "reservoir_pressure_bar",
+        "ambient_pressure_bar",
+        "pump_leakage_scale",
+        "slipper_leakage_scale",
+        "piston_leakage_scale",
+    )
+    for name in INPUTS
+)
+"""Inputs that the commutations depend on."""
 
 WORK_ROWS = 14
 """Rows of scratch that ``solve`` asks for, N_UNKNOWNS long."""
@@ -80,13 +99,25 @@ def start(pump: Pump, row: Vector, k_d: float, at_stop: bool, u: Vector) -> None
 
 @compiled
 def _jacobian(
-    pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F: Vector, Y: Vector, J: Matrix, F_2: Vector
+    pump: Pump,
+    circuit: Circuit,
+    warmth: Warmth,
+    changes: Commutations,
+    row: Vector,
+    k_d: float,
+    u: Vector,
+    F: Vector,
+    Y: Vector,
+    J: Matrix,
+    F_2: Vector,
 ) -> None:
     """Forward-difference Jacobian of the residuals in scaled unknowns, shape (5, 5)."""
     for j in range(N_UNKNOWNS):
         kept = u[j]
         u[j] = kept + _STEP * _U[j]
-        evaluate(pump, circuit, row, k_d, u, F_2, Y)
+        # P_c moves the commutations by leakage alone, too little to be worth their price in a search
+        there = commute(pump, warmth, row, u) if j in (0, 2) else changes
+        evaluate(pump, circuit, warmth, there, row, k_d, u, F_2, Y)
         u[j] = kept
         for i in range(N_UNKNOWNS):
             J[i, j] = (F_2[i] - F[i]) / _STEP
@@ -100,14 +131,16 @@ def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: V
     """
     F, F_2, kept, J, spent = work[0], work[1], work[2], work[3:8], work[8:13]
     b = work[13].reshape((N_UNKNOWNS, 1))
-    evaluate(pump, circuit, row, k_d, u, F, Y)
+    warmth = warmth_of(pump.fluid, row)
+    changes = commute(pump, warmth, row, u)
+    evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
     norm = _norm(F, k_d)
     reused = False
     for _ in range(_MAX_ITERATIONS):
         if norm < _TOLERANCE:
             return True
         if not reused:
-            _jacobian(pump, circuit, row, k_d, u, F, Y, J, F_2)
+            _jacobian(pump, circuit, warmth, changes, row, k_d, u, F, Y, J, F_2)
         spent[:, :] = J
         for i in range(N_UNKNOWNS):
             b[i, 0] = -F[i]
@@ -122,7 +155,8 @@ def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: V
         for _halving in range(1 if reused else _MAX_HALVINGS):
             for i in range(N_UNKNOWNS):
                 u[i] = kept[i] + damping * b[i, 0] * _U[i]
-            evaluate(pump, circuit, row, k_d, u, F, Y)
+            changes = commute(pump, warmth, row, u)
+            evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
             trial = _norm(F, k_d)
             if u[2] > _TILT_LOW and (trial < norm or trial < _TOLERANCE):
                 improved = True
@@ -132,7 +166,8 @@ def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: V
         if not improved:
             for i in range(N_UNKNOWNS):
                 u[i] = kept[i]
-            evaluate(pump, circuit, row, k_d, u, F, Y)
+            changes = commute(pump, warmth, row, u)
+            evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
             # at the floor of rounding no step improves: accept what is solved for every purpose
             if not reused:
                 return _norm(F, k_d) < 1.0e4 * _TOLERANCE
@@ -173,11 +208,14 @@ def differentiate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vect
     Y_0, Y_a = np.empty(n_out), np.empty(n_out)
     F_u, Y_u = np.empty((n, n)), np.empty((n_out, n))
     F_p, Y_p = np.empty((n, n_in)), np.empty((n_out, n_in))
-    evaluate(pump, circuit, row, k_d, u, F_0, Y_0)
+    warmth = warmth_of(pump.fluid, row)
+    changes = commute(pump, warmth, row, u)
+    evaluate(pump, circuit, warmth, changes, row, k_d, u, F_0, Y_0)
     for j in range(n):
         kept = u[j]
         u[j] = kept + _SLOPE_STEP * _U[j]
-        evaluate(pump, circuit, row, k_d, u, F_a, Y_a)
+        there = commute(pump, warmth, row, u) if j < N_COMMUTING else changes
+        evaluate(pump, circuit, warmth, there, row, k_d, u, F_a, Y_a)
         u[j] = kept
         F_u[:, j] = (F_a - F_0) / _SLOPE_STEP
         Y_u[:, j] = (Y_a - Y_0) / _SLOPE_STEP
@@ -185,7 +223,9 @@ def differentiate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vect
         kept = row[j]
         h = _SLOPE_STEP * max(1.0, abs(kept))
         row[j] = kept + h
-        evaluate(pump, circuit, row, k_d, u, F_a, Y_a)
+        warmer = warmth_of(pump.fluid, row) if j == TEMPERATURE else warmth
+        there = commute(pump, warmer, row, u) if _COMMUTES[j] else changes
+        evaluate(pump, circuit, warmer, there, row, k_d, u, F_a, Y_a)
         row[j] = kept
         F_p[:, j] = (F_0 - F_a) / h
         Y_p[:, j] = (Y_a - Y_0) / h

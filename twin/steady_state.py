@@ -6,38 +6,43 @@ control pressure has fallen below what would hold the plate there, so that the r
 pump are one smooth problem.
 
 Averages over a revolution, all derived: half of the pistons see P_d and half the suction pressure, changing over
-at the commutation angles of ``twin.parts.port_plate``; the mean of
+at the commutation angles of ``twin.parts.commutation``; the flows of the control volume are means over the ripple of
+its pressure, which comes from there too; the mean of
 1/length over a stroke is ``1/sqrt(l^2 - (R tan alpha)^2)``; the drag (Couette) flow of a piston has no mean
 over a revolution but carries fluid from the discharge to the suction half. Flows count volume at ambient
 density, so that mass is conserved although the fluid is compressible.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.laws.bench import drain_pressure_drop, return_pressure_drop
-from twin.laws.compressibility import medium_of, relative_density
+from twin.laws.compressibility import Medium, medium_of, relative_compressibility, relative_density
 from twin.laws.fluid import (
     P_ATMOSPHERE,
+    Film,
     Fluid,
     density,
     dynamic_viscosity,
-    gap_viscosity,
+    film_of,
+    film_viscosity,
     kinematic_viscosity,
     throttling_heating,
 )
 from twin.laws.gap import annular_gap_flow, land_conductance, port_plate_gap_flow, throttled_land_flow
-from twin.parameters import Circuit, Pump
+from twin.laws.metering_edge import Edge
+from twin.parameters import Circuit, Pump, Slipper
 from twin.parts.circuit import P_COUNTED, counted_conductance
+from twin.parts.commutation import Change, Commutations, Support, commutations
 from twin.parts.compensator import bleed_conductance, edge_of, inlet, jet_stiffness, outlet
 from twin.parts.drive import friction_torque
 from twin.parts.piston import chamber_volume, volume_by_tilt
-from twin.parts.port_plate import commutation_angle
 from twin.parts.servo import carried_inertia, rate_arm, rate_leakage, spring_torque, stroking_arm, stroking_leakage
-from twin.parts.swashplate import inertia_torque, vibration
+from twin.parts.swashplate import inertia_torque
 from twin.units import (
     KELVIN_AT_0_DEGC,
     M3_PER_S_PER_LPM,
@@ -67,14 +72,35 @@ def drain_viscosity_ratio(fluid: Fluid, T_c: float) -> float:
     )
 
 
+class Warmth(NamedTuple):
+    """Properties of the fluid at one temperature: SI, ``mu_ratio`` being the viscosity over that at 50 degC."""
+
+    T: float
+    rho: float
+    nu: float
+    medium: Medium
+    film: Film
+    mu_ratio: float
+
+
 @compiled
-def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float, delays: float) -> float:
-    """Control minus case pressure that the plate's torque balance asks for at tilt coordinate s [Pa].
+def warmth_of(fluid: Fluid, row: Vector) -> Warmth:
+    """Properties at the temperature of a row of inputs."""
+    T = row[1] + _T_0
+    mu_ratio = dynamic_viscosity(fluid, T, P_ATMOSPHERE) / dynamic_viscosity(fluid, T_50, P_ATMOSPHERE)
+    rho, nu = density(fluid, T, P_ATMOSPHERE), kinematic_viscosity(fluid, T)
+    return Warmth(T, rho, nu, medium_of(fluid, T), film_of(fluid, T), mu_ratio)
+
+
+@compiled
+def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float, delays: float) -> tuple[float, float]:
+    """Control minus case pressure that the plate's torque balance asks for at tilt coordinate s [Pa], and its share.
 
     Rate spring and piston inertia drive the tilt up; the commutation delay and the stroking piston down.
     ``delays`` is the sum of the sines of the commutation angles at both dead centres: the pressure of a chamber is
     up from one to the other, and the mean of the piston's torque arm over that half turn is minus their sum.
-    Beyond the stop the difference falls off exponentially, continuous in value and slope, and never negative.
+    Beyond the stop the difference falls off exponentially, continuous in value and slope, and never negative: the
+    share of the torque that it still holds, 1 up to the stop.
     """
     servo, piston = pump.servo, pump.piston
     alpha_max = pump.swashplate.alpha_max
@@ -86,32 +112,105 @@ def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float, d
     held = torque / stroking_arm(servo, t)
     beyond = s - alpha_max
     if beyond <= 0.0:
-        return held
+        return held, 1.0
     slope = servo.k_rate * servo.L_rate**2 * (1.0 + t * t) / (servo.A_stroke * servo.L_stroke)
-    return held * math.exp(-beyond * slope / held)
+    share = math.exp(-beyond * slope / held)
+    return held * share, share
 
 
 @compiled
-def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F: Vector, Y: Vector) -> None:
+def _land_flow(slipper: Slipper, warmth: Warmth, mu: float, P: float, P_c: float) -> float:
+    """Leakage of one slipper at chamber pressure P [m3/s]."""
+    C_A = slipper.C_q * 0.25 * math.pi * slipper.d_throttle**2
+    return throttled_land_flow(P, P_c, land_conductance(mu, slipper.h, slipper.diameter_ratio), C_A, warmth.rho)
+
+
+@compiled
+def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
+    """Commutations at unknowns u (5,): they depend on P_d, P_c and s, on speed, fluid, reservoir and leakage only."""
+    piston, servo, medium = pump.piston, pump.servo, warmth.medium
+    omega = row[0] * _RPM
+    P_d, P_c, s = u[0], u[1], u[2]
+    P_s = (row[2] + row[4]) * _BAR
+    t = math.tan(min(s, pump.swashplate.alpha_max))
+    t_max = math.tan(pump.swashplate.alpha_max)
+    V_min = chamber_volume(piston, t_max, t, -1.0)
+    V_max = chamber_volume(piston, t_max, t, 1.0)
+    strain = max(relative_density(medium, P_d) - relative_density(medium, P_s), 1.0e-9)
+    dP = P_d - P_s
+    v_0 = math.sqrt(2.0 * max(dP, 1.0) / warmth.rho)
+
+    mu = film_viscosity(warmth.film, P_d, P_c)
+    land = row[5] * row[6] * _land_flow(pump.slipper, warmth, mu, P_d, P_c)
+    reach = piston.R * t
+    ring = row[5] * row[7] * annular_gap_flow(P_d, P_c, mu, piston.d_p, piston.b, 1.0, piston.e_rel * piston.b, 0.0)
+    rise = Change(V_max * strain, land + ring / (piston.l_mean - reach), 0.0)
+    fall = Change(V_min * strain, land + ring / (piston.l_mean + reach), 1.0)
+
+    # the control volume as the plate feels it: what leaves it over bleed and stroking piston enters over the spool
+    port = pump.port_plate
+    delays = 2.0 * (port.phi_commutation + port.phi_seal)
+    dP_ctrl, share = control_pressure_difference(pump, s, omega, dP, delays)
+    mu_out = film_viscosity(warmth.film, P_c + dP_ctrl, P_c)
+    bleed = bleed_conductance(pump.compensator, dP_ctrl, warmth.rho)
+    # laminar passages give way in proportion, turbulent ones by half
+    conductance = stroking_leakage(servo, mu_out) + 0.5 * bleed
+    conductance += 0.5 * bleed * dP_ctrl / max(P_d - P_c - dP_ctrl, dP_ctrl)
+    capacity = relative_compressibility(medium, P_c + dP_ctrl) * pump.volumes.control
+    J = pump.swashplate.J + carried_inertia(servo, t)
+    support = Support(J, pump.swashplate.damping, stroking_arm(servo, t), capacity, conductance, share)
+    swing, arm = 0.5 * (V_max - V_min), volume_by_tilt(piston, t, 1.0)
+    return commutations(port, support, rise, fall, piston.n, swing, arm, dP, v_0, omega)
+
+
+@compiled
+def _control_flows(
+    pump: Pump, warmth: Warmth, edge: Edge, x: float, P_d: float, P_c: float, P_ctrl: float, bleed: float
+) -> tuple[float, float]:
+    """Flow into the control volume and flow out of it into the case [m3/s] at one pressure of it."""
+    comp, servo, rho, nu = pump.compensator, pump.servo, warmth.rho, warmth.nu
+    mu_in, mu_out = film_viscosity(warmth.film, P_d, P_ctrl), film_viscosity(warmth.film, P_ctrl, P_c)
+    dP = P_ctrl - P_c
+    inflow = inlet(comp, edge, x, P_d - P_ctrl, rho, mu_in, nu)[0] * (P_d - P_ctrl)
+    passages = outlet(comp, edge, x, dP, rho, mu_out, nu)[0] + stroking_leakage(servo, mu_out)
+    outflow = (passages + bleed_conductance(comp, dP, rho)) * dP
+    if bleed > 0.0:
+        # a bleed is counted in L/min at the control pressure of the zero-flow point and fades with it
+        outflow += bleed * math.tanh(dP / (0.05 * servo.F_rate / servo.A_stroke))
+    return inflow, outflow
+
+
+@compiled
+def evaluate(
+    pump: Pump,
+    circuit: Circuit,
+    warmth: Warmth,
+    changes: Commutations,
+    row: Vector,
+    k_d: float,
+    u: Vector,
+    F: Vector,
+    Y: Vector,
+) -> None:
     """Residuals F (5,) and outputs Y (len(OUTPUTS),) at unknowns u (5,).
 
-    ``row`` is one row of inputs in the order of ``twin.condition.INPUTS`` (edge units); ``k_d`` > 0 sets the
-    load by equation 3-2 [Pa/(m3/s)^2], else the discharge flow of the row is imposed. F is in flow, Pa and N.
+    ``row`` is one row of inputs in the order of ``twin.condition.INPUTS`` (edge units), ``warmth`` and ``changes`` are
+    ``warmth_of`` and ``commute`` there; ``k_d`` > 0 sets the load by equation 3-2 [Pa/(m3/s)^2], else the discharge
+    flow of the row is imposed. F is in flow, Pa and N.
     """
     omega = row[0] * _RPM
-    T = row[1] + _T_0
+    T, medium, film = warmth.T, warmth.medium, warmth.film
     P_amb = row[4] * _BAR
     P_r = row[2] * _BAR + P_amb
     P_d, P_c, s, x, Q_L = u[0], u[1], u[2], u[3], u[4]
     piston, slipper, plate, comp, fluid = pump.piston, pump.slipper, pump.port_plate, pump.compensator, pump.fluid
-    servo, medium = pump.servo, medium_of(pump.fluid, T)
+    servo = pump.servo
     P_s = P_r
     alpha = min(s, pump.swashplate.alpha_max)
     t = math.tan(alpha)
     t_max = math.tan(pump.swashplate.alpha_max)
-    rho = density(fluid, T, P_ATMOSPHERE)
-    mu_d = gap_viscosity(fluid, T, P_d, P_c)
-    mu_s = gap_viscosity(fluid, T, P_s, P_c)
+    mu_d = film_viscosity(film, P_d, P_c)
+    mu_s = film_viscosity(film, P_s, P_c)
 
     # delivery: what the chambers take in at P_s minus what they carry back at P_d
     V_min = chamber_volume(piston, t_max, t, -1.0)
@@ -123,15 +222,12 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     scale = row[5]
     l_mean = math.sqrt(piston.l_mean**2 - (piston.R * t) ** 2)
     k_piston, e = scale * row[7], piston.e_rel * piston.b
-    C_A = slipper.C_q * 0.25 * math.pi * slipper.d_throttle**2
     k_slipper = scale * row[6]
-    G_d = land_conductance(mu_d, slipper.h, slipper.diameter_ratio)
-    G_s = land_conductance(mu_s, slipper.h, slipper.diameter_ratio)
     # leaks of one chamber at either pressure
     ring_d = k_piston * annular_gap_flow(P_d, P_c, mu_d, piston.d_p, piston.b, l_mean, e, 0.0)
     ring_s = k_piston * annular_gap_flow(P_s, P_c, mu_s, piston.d_p, piston.b, l_mean, e, 0.0)
-    land_d = k_slipper * throttled_land_flow(P_d, P_c, G_d, C_A, rho)
-    land_s = k_slipper * throttled_land_flow(P_s, P_c, G_s, C_A, rho)
+    land_d = k_slipper * _land_flow(slipper, warmth, mu_d, P_d, P_c)
+    land_s = k_slipper * _land_flow(slipper, warmth, mu_s, P_s, P_c)
     v_mean = 2.0 * piston.R * t * omega / math.pi
     drag = half * 0.5 * v_mean * piston.b * math.pi * piston.d_p
     k_plate = scale * row[8]
@@ -139,36 +235,20 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     throttled = row[16] * _LPM * math.sqrt(max(P_d - P_c, 0.0) / P_COUNTED)
     plate_s = k_plate * port_plate_gap_flow(P_s, P_c, mu_s, plate.h, plate.shape)
 
-    swing = 0.5 * (V_max - V_min)
-    # the plate vibrates in step with the commutations: it comes down on the chamber that is about to be filled, and
-    # each chamber that has changed over throws it back
-    arm = volume_by_tilt(piston, t, 1.0)
-    stiffness = stroking_arm(servo, t) ** 2 * medium.B_0 / pump.volumes.control
-    step = arm * (P_d - P_s)
-    J = pump.swashplate.J + carried_inertia(servo, t)
-    shaking = vibration(piston.n, J, pump.swashplate.damping, stiffness, step, omega)
-    leaking = ring_d + land_d
-    v_0 = math.sqrt(2.0 * max(P_d - P_s, 1.0) / rho)
-    strain = max(r_d - r_s, 1.0e-9)
-    rising = commutation_angle(plate, V_max * strain, swing, leaking, 0.0, arm, shaking, v_0, omega)
-    falling = commutation_angle(plate, V_min * strain, swing, leaking, 1.0, arm, shaking, v_0, omega)
     # a chamber is under pressure from one commutation to the other
-    high = half + piston.n / (2.0 * math.pi) * (falling - rising)
+    high = half + piston.n / (2.0 * math.pi) * (changes.falling - changes.rising)
     piston_d, piston_s = high * ring_d, (piston.n - high) * ring_s
     slipper_d, slipper_s = high * land_d, (piston.n - high) * land_s
-    delays = math.sin(rising) + math.sin(falling)
-    dP_ctrl = control_pressure_difference(pump, s, omega, P_d - P_s, delays)
-    P_ctrl = P_c + dP_ctrl
-    nu = kinematic_viscosity(fluid, T)
+    delays = math.sin(changes.rising) + math.sin(changes.falling)
+    P_ctrl = P_c + control_pressure_difference(pump, s, omega, P_d - P_s, delays)[0]
     edge = edge_of(comp, row[17] * 1.0e-6)
-    mu_in, mu_out = gap_viscosity(fluid, T, P_d, P_ctrl), gap_viscosity(fluid, T, P_ctrl, P_c)
-    inflow = inlet(comp, edge, x, P_d - P_ctrl, rho, mu_in, nu)[0] * (P_d - P_ctrl)
-    out_spool = outlet(comp, edge, x, dP_ctrl, rho, mu_out, nu)[0] * dP_ctrl
-    out_stroke = (stroking_leakage(servo, mu_out) + bleed_conductance(comp, dP_ctrl, rho)) * dP_ctrl
-    # a bleed is counted in L/min at the control pressure of the zero-flow point and fades with it
-    bleed_extra = row[9] * _LPM * math.tanh(dP_ctrl / (0.05 * servo.F_rate / servo.A_stroke))
+    # means over a ripple: for a sine the two ends of its standard deviation are Gauss and Chebyshev's points
+    bleed = row[9] * _LPM
+    in_1, out_1 = _control_flows(pump, warmth, edge, x, P_d, P_c, P_ctrl - changes.ripple, bleed)
+    in_2, out_2 = _control_flows(pump, warmth, edge, x, P_d, P_c, P_ctrl + changes.ripple, bleed)
+    inflow, outflow = 0.5 * (in_1 + in_2), 0.5 * (out_1 + out_2)
     rate_leak = rate_leakage(servo, mu_d) * (P_d - P_c)
-    Q_comp = out_spool + out_stroke + bleed_extra + rate_leak
+    Q_comp = outflow + rate_leak
 
     leak_d = piston_d - drag + slipper_d + plate_d + throttled + rate_leak
     leak_s = piston_s + drag + slipper_s + plate_s
@@ -191,11 +271,10 @@ def evaluate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, F
     F[0] = Q_pump - leak_d - inflow - Q_L - Q_sys
     F[1] = P_c - P_down - drop
     F[2] = (P_d - P_c) * comp.A_spool - spring - jet
-    F[3] = inflow - out_spool - out_stroke - bleed_extra
+    F[3] = inflow - outflow
     F[4] = P_d - P_i - k_d * Q_L * abs(Q_L) if k_d > 0.0 else Q_L - row[3] * _LPM
 
-    mu_ratio = dynamic_viscosity(fluid, T, P_ATMOSPHERE) / dynamic_viscosity(fluid, T_50, P_ATMOSPHERE)
-    torque = Q_pump * (P_d - P_s) / omega + friction_torque(pump.drive, mu_ratio, omega / OMEGA_REF, P_d - P_c)
+    torque = Q_pump * (P_d - P_s) / omega + friction_torque(pump.drive, warmth.mu_ratio, omega / OMEGA_REF, P_d - P_c)
 
     Y[0] = (P_d - P_amb) / _BAR
     Y[1] = (P_c - P_amb) / _BAR

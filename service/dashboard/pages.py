@@ -22,6 +22,7 @@ from service.monitoring.analysis import thresholds_of
 from service.monitoring.curve import curve_of
 from service.monitoring.forecast import forecast_of
 from service.monitoring.trend import trend_of
+from service.registry.findings import judged_findings, rates
 from service.routes.fleet import fleet
 from service.routes.pumps import shown
 from service.tables import Pump
@@ -166,12 +167,20 @@ def _fleet_body(request: Request, context: Context) -> _Body:
             values = [i["value"] for i in items]
             document["spark"] = Markup(sparkline_svg(values, escape(label))) if items else ""  # noqa: S704
             document["link"] = f"/pumps/{quote(row.serial, '')}?operator={quote(row.operator, '')}"
+        agreement = rates(judged_findings(session, asker))
     states = [p["state"] for p in pumps]
     counts = [(state, states.count(state)) for state in WORDS if state in states]
     return (
         "fleet.html",
         200,
-        {"request": request, "pumps": pumps, "counts": counts, "auth": context.settings.auth_is_on},
+        {
+            "request": request,
+            "pumps": pumps,
+            "counts": counts,
+            "silent": [p for p in pumps if p["silent"]],
+            "agreement": agreement,
+            "auth": context.settings.auth_is_on,
+        },
     )
 
 

@@ -16,8 +16,12 @@ from sqlalchemy.orm import Session
 from service.database import Database
 from service.errors import Conflict, Fault, Invalid, NotFound, Problem
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord, Limits, decode
-from service.monitoring.analysis import analysed, refold, thresholds_of
+from service.monitoring.analysis import analysed, thresholds_of
+from service.monitoring.archive import Archive
+from service.monitoring.knowledge import setting_of
+from service.monitoring.refold import Cause, refold
 from service.raw_store import RawStore, content_hash
+from service.registry.arrival import known_aircraft
 from service.security import Principal
 from service.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
 
@@ -48,6 +52,7 @@ class Acceptance:
         self._database = database
         self._raw_store = raw_store
         self._limits = limits
+        self._archive = Archive(raw_store, limits)
 
     def accept(self, upload: Upload, principal: Principal) -> Accepted:
         """Check, store and analyse an upload before answering.
@@ -167,15 +172,18 @@ class Acceptance:
     def _finish(self, record_id: str, decoded: DecodedRecord, operator: str) -> None:
         """Analyse, then store everything about the record and its pump's new verdicts in one transaction."""
         metadata = decoded.metadata
-        kind = metadata.pump_type or DEFAULT_PUMP_TYPE
+        serial, started_at = metadata.pump_serial, metadata.started_at
         with self._database.reading() as session:
-            held = _pump(session, operator, metadata.pump_serial)
-            kind = metadata.pump_type or (held.pump_type if held else DEFAULT_PUMP_TYPE)
-            thresholds = thresholds_of(session, operator, metadata.pump_serial, kind)
-        analysis = analysed(decoded.recording, kind, thresholds)
+            held = _pump(session, operator, serial)
+            kind = held.pump_type if held else (metadata.pump_type or DEFAULT_PUMP_TYPE)
+            thresholds = thresholds_of(session, operator, serial, kind)
+            setting = setting_of(session, operator, serial, metadata.aircraft, metadata.position, started_at)
+        # the long part comes before the lock; what changes meanwhile, the fold notices by the key
+        analysis = analysed(decoded.recording, kind, setting, thresholds)
         try:
             with self._database.writing() as session:
-                pump = _locked_pump(session, operator, metadata.pump_serial, kind)
+                pump = _locked_pump(session, operator, serial, kind)
+                known_aircraft(session, operator, metadata.aircraft)
                 row = session.get(Record, record_id, populate_existing=True)
                 if row is None or row.status != STORED:
                     return
@@ -183,18 +191,20 @@ class Acceptance:
                 if row.supersedes:
                     older = session.get(Record, row.supersedes)
                     if older is not None:
-                        older.status = SUPERSEDED
+                        older.status, older.ended_at = SUPERSEDED, row.received_at
                         session.flush()
                 row.pump_id = pump.id
                 row.aircraft, row.position = metadata.aircraft, metadata.position
                 row.flight_id, row.segment = metadata.flight_id, metadata.segment
-                row.started_at, row.flight_hours = metadata.started_at, metadata.flight_hours
+                row.started_at, row.flight_hours = started_at, metadata.flight_hours
+                row.pump_type = metadata.pump_type
                 row.attributes = dict(decoded.recording.attributes)
                 row.identity_hash = _identity_hash(operator, row.content_hash, decoded)
                 row.reduction, row.residuals = analysis.reduction, analysis.residuals
+                row.reduced_with = analysis.key
                 row.status = ANALYSED
                 session.flush()
-                refold(session, pump)
+                refold(session, pump, self._archive, Cause("record_received", record_id))
         except IntegrityError:
             raise Conflict(
                 "the same flight, pump and segment was stored at the same moment by another upload"

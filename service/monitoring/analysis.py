@@ -1,105 +1,83 @@
-"""What one record says, and the fold over everything that is known of its pump."""
+"""What one record says by itself: reduced, compared with the twin, and the key of all that this depends on."""
 
+import hashlib
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from detectors.assessment import assess
-from detectors.observation import History, Observation, Reduction, Window, WindowKind
+from detectors.observation import Observation, Reduction, Window, WindowKind
 from detectors.reduction import reduce_recording
 from detectors.residuals import window_residuals
 from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
 from detectors.wording import advice
-from service.monitoring.codec import (
-    reduction_from_json,
-    reduction_to_json,
-    residuals_to_json,
-    trend_to_json,
-    verdict_to_json,
-)
-from service.tables import ANALYSED, Pump, Record, StoredAssessment
+from service.monitoring.codec import reduction_from_json, reduction_to_json, residuals_to_json, verdict_to_json
+from service.monitoring.placement import Place
+from service.monitoring.setting import Setting
+from service.tables import Record
 from service.threshold_layers import Effective, effective_thresholds, pump_scopes
-from twin.parameters import Circuit
-from twin.pumps import circuit_parameters, pump_type
+from twin.pumps import pump_type
 from twin.recording import Recording
 from twin.version import twin_version
 
-CIRCUIT = "shared_return"
-"""Circuit of every aircraft until a registry of aircraft says otherwise."""
+_WINDOW_KEYS = ("window_", "pump_off_")
 
 
 @dataclass(frozen=True, slots=True)
 class RecordAnalysis:
-    """One record reduced, as it is stored."""
+    """One record reduced, as it is stored; ``key`` names what it depends on besides the bytes."""
 
+    key: str
     reduction: dict[str, Any]
     residuals: dict[str, Any]
 
 
-def thresholds_of(session: Session, operator: str, serial: str, kind: str) -> Effective:
-    """Effective thresholds of one pump."""
-    return effective_thresholds(session, pump_scopes(operator, serial, kind))
+def thresholds_of(
+    session: Session, operator: str, serial: str, kind: str, known_at: datetime | None = None
+) -> Effective:
+    """Effective thresholds of one pump, now or as they were known at an instant."""
+    return effective_thresholds(session, pump_scopes(operator, serial, kind), known_at)
 
 
-def analysed(recording: Recording, kind: str, thresholds: Effective) -> RecordAnalysis:
+def analysed(recording: Recording, kind: str, setting: Setting, thresholds: Effective) -> RecordAnalysis:
     """Reduce a recording and compare its windows with the twin."""
-    pump, circuit = pump_type(kind), circuit_parameters(CIRCUIT)
+    pump, circuit = setting.pump_type(pump_type(kind)), setting.circuit_parameters
     reduction = reduce_recording(recording, pump, thresholds.values)
     residuals = {
         str(i): residuals_to_json(window_residuals(window, reduction.zero, pump, circuit))
         for i, window in enumerate(reduction.windows)
         if _is_comparable(window)
     }
-    return RecordAnalysis(reduction_to_json(reduction), residuals)
+    key = analysis_key(kind, setting, thresholds)
+    return RecordAnalysis(key, reduction_to_json(reduction), residuals)
+
+
+def analysis_key(kind: str, setting: Setting, thresholds: Effective) -> str:
+    """Key of everything that a record's reduction and residuals depend on besides its bytes."""
+    windows = sorted((k, v) for k, v in thresholds.values.items() if k.startswith(_WINDOW_KEYS))
+    parts = (twin_version(pump_type(kind)), setting, windows)
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
 
 def _is_comparable(window: Window) -> bool:
     return window.accepted and window.kind is not WindowKind.PUMP_OFF
 
 
-def refold(session: Session, pump: Pump) -> None:
-    """Fold the pump's history anew and store an assessment per record.
-
-    The caller holds the pump's row lock (Postgres) or the write transaction (SQLite), so that two uploads for one
-    pump follow each other.
-    """
-    thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
-    rows = session.scalars(select(Record).where(Record.pump_id == pump.id, Record.status == ANALYSED)).all()
-    observations = tuple(observation_of(row) for row in rows)
-    kind, circuit = pump_type(pump.pump_type), circuit_parameters(CIRCUIT)
-    version = twin_version(kind)
-    assessments = assess(History(observations), kind, circuit, thresholds.values)
-    session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
-    session.add_all(
-        StoredAssessment(
-            record_id=a.record_id,
-            pump_id=pump.id,
-            at=a.at,
-            state=a.verdict.state.value,
-            trend=trend_to_json(a.trend),
-            verdict=verdict_to_json(a.verdict, version, thresholds.version),
-        )
-        for a in assessments
-    )
-
-
-def observation_of(row: Record) -> Observation:
-    """What a stored record tells a history."""
+def observation_of(row: Record, place: Place, reduction: dict[str, Any]) -> Observation:
+    """What a stored record tells a history, at the place where the pump really sat."""
     started_at: datetime | None = row.started_at
-    if started_at is None or row.reduction is None:
-        raise RuntimeError(f"record {row.id} counts as analysed without a reduction")
-    reduction: Reduction = reduction_from_json(row.reduction)
+    if started_at is None:
+        raise RuntimeError(f"record {row.id} counts without a start")
+    found: Reduction = reduction_from_json(reduction)
     return Observation(
         # the content decides the order of records of the same instant, not the order of their arrival
         record_id=row.id,
         at=started_at,
-        aircraft=row.aircraft or "",
-        position=row.position or "",
+        aircraft=place.aircraft,
+        position=place.position,
         flight_id=row.flight_id or "",
-        reduction=reduction,
+        reduction=found,
         flight_hours=row.flight_hours,
         segment=row.segment or None,
     )
@@ -125,8 +103,3 @@ def empty_verdict(kind: str, thresholds: Effective) -> dict[str, Any]:
         resolving_measurement=None,
     )
     return verdict_to_json(verdict, twin_version(pump_type(kind)), thresholds.version)
-
-
-def circuit_of(_pump: Pump) -> Circuit:
-    """Circuit that the pump works in."""
-    return circuit_parameters(CIRCUIT)

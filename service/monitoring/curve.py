@@ -6,12 +6,14 @@ from datetime import datetime
 from typing import Any
 
 from matplotlib.figure import Figure
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from detectors.curve import AXES, Curve, damage_identification_curve, latest_condition
-from service.monitoring.analysis import circuit_of, observation_of
-from service.tables import ANALYSED, Pump, Record
+from service.monitoring.analysis import observation_of
+from service.monitoring.knowledge import counting_records, setting_of
+from service.monitoring.placement import Place
+from service.monitoring.setting import Setting
+from service.tables import Pump, Record
 from twin.pumps import pump_type
 
 
@@ -27,18 +29,29 @@ def curve_of(
     session: Session, pump: Pump, at: datetime | None, speed_rpm: float | None, fluid_temperature_degc: float | None
 ) -> FoundCurve:
     """Curve of a pump from its records up to ``at``, brought to the chosen or the latest condition."""
-    query = select(Record).where(Record.pump_id == pump.id, Record.status == ANALYSED)
-    if at is not None:
-        query = query.where(Record.started_at <= at)
-    observations = [observation_of(row) for row in session.scalars(query)]
-    kind = pump_type(pump.pump_type)
+    rows = [row for row in counting_records(session, pump.id, None) if at is None or _start(row) <= at]
+    observations = [
+        observation_of(row, Place(row.aircraft or "", row.position or ""), row.reduction or {}) for row in rows
+    ]
+    setting = Setting()
+    if rows:
+        last = rows[-1]
+        place = (last.aircraft or "", last.position or "")
+        setting = setting_of(session, pump.operator, pump.serial, *place, _start(last))
+    kind = setting.pump_type(pump_type(pump.pump_type))
     condition = latest_condition(observations, kind)
     if speed_rpm is not None:
         condition = condition._replace(speed_rpm=speed_rpm)
     if fluid_temperature_degc is not None:
         condition = condition._replace(fluid_temperature_degc=fluid_temperature_degc)
-    curve = damage_identification_curve(observations, kind, circuit_of(pump), condition)
+    curve = damage_identification_curve(observations, kind, setting.circuit_parameters, condition)
     return FoundCurve(curve, curve_document(curve))
+
+
+def _start(row: Record) -> datetime:
+    if row.started_at is None:
+        raise RuntimeError(f"record {row.id} counts without a start")
+    return row.started_at
 
 
 def curve_document(curve: Curve) -> dict[str, Any]:

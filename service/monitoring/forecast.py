@@ -7,6 +7,7 @@ noise that averages out and is laid on the limit instead (as a mixture over its 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from detectors.prognosis import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoFor
 from detectors.verdict import State
 from service import queries
 from service.monitoring.analysis import thresholds_of
+from service.monitoring.knowledge import installation_intervals
+from service.monitoring.placement import changes
 from service.queries import TrendOfRecord
 from service.tables import Pump
 
@@ -40,7 +43,8 @@ class TrendPoint:
 def forecast_of(session: Session, pump: Pump) -> dict[str, Any]:
     """Forecast in the shape of the API: flight hours with their 90 % interval, or the reason why there are none."""
     limit = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values["case_flow_limit_lpm"]
-    rows = _since_installation(queries.trends_of_records(session, pump.id))
+    entered = changes(installation_intervals(session, pump.id))
+    rows = _since_installation(queries.trends_of_records(session, pump.id), entered)
     points = [p for p in map(_point, rows) if p is not None]
     found = forecast_of_trend(points, limit)
     document: dict[str, Any] = {"flight_hours": None, "limit": limit, "limit_unit": "L/min", "metric": METRIC}
@@ -98,12 +102,16 @@ def _mixed(parts: Sequence[tuple[float, Forecast]]) -> Forecast | NoForecast:
     return Forecast(mean, low, whole.quantile(1.0 - _TAIL), hours, probability)
 
 
-def _since_installation(rows: Sequence[TrendOfRecord]) -> list[TrendOfRecord]:
-    """The newest records in a row from one aircraft and position."""
+def _since_installation(rows: Sequence[TrendOfRecord], entered: Sequence[datetime]) -> list[TrendOfRecord]:
+    """The newest records in a row from one aircraft and position, without an entered change of place among them."""
     found: list[TrendOfRecord] = []
     for row in reversed(rows):
-        if found and (row.aircraft, row.position) != (found[0].aircraft, found[0].position):
-            break
+        if found:
+            after = found[-1]
+            if (row.aircraft, row.position) != (after.aircraft, after.position):
+                break
+            if any(row.at < instant <= after.at for instant in entered):
+                break
         found.append(row)
     return found[::-1]
 

@@ -14,7 +14,7 @@ from detectors.thresholds import effective
 from detectors.verdict import Assessment
 from service.errors import Problem
 from service.ingest.decode import DEFAULT_PUMP_TYPE, Limits, decode
-from service.monitoring.analysis import CIRCUIT
+from service.monitoring.setting import DEFAULT_CIRCUIT
 from service.raw_store import content_hash
 from twin.pumps import circuit_parameters, pump_type
 
@@ -58,7 +58,7 @@ def content_type_of(path: Path) -> str:
 def analyse_files(paths: Sequence[Path], limits: Limits, overrides: dict[str, Any] | None = None) -> OfflineAnalysis:
     """Analyse files of any number of pumps; a bad file costs its neighbours nothing."""
     thresholds = effective({})
-    circuit = circuit_parameters(CIRCUIT)
+    circuit = circuit_parameters(DEFAULT_CIRCUIT)
     by_pump: dict[tuple[str, str], dict[str, AnalysedFile]] = {}
     refused: list[tuple[Path, Problem]] = []
     for path in paths:

@@ -1,21 +1,28 @@
 """Trends from stored assessments, thinned without losing extremes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any
 
 from sqlalchemy.orm import Session
 
 from service import queries
-from service.tables import Pump
+from service.tables import Pump, StoredAssessment
 
 
 def trend_of(
     session: Session, pump: Pump, metric: str, since: datetime | None, until: datetime | None, most: int
 ) -> list[dict[str, Any]]:
     """Points of one metric in event order, at most about ``most``."""
+    return thinned(points_of(session.scalars(queries.assessments(pump.id)), metric, since, until), most)
+
+
+def points_of(
+    assessments: Iterable[StoredAssessment], metric: str, since: datetime | None, until: datetime | None
+) -> list[dict[str, Any]]:
+    """Every point of one metric from ``since`` on and before ``until``, in the order of the assessments."""
     items = []
-    for assessment in session.scalars(queries.assessments(pump.id)):
+    for assessment in assessments:
         value = assessment.trend.get(metric)
         if value is None or value["mean"] is None:
             continue
@@ -30,7 +37,7 @@ def trend_of(
                 "record_id": assessment.record_id,
             }
         )
-    return thinned(items, most)
+    return items
 
 
 def thinned(items: Sequence[dict[str, Any]], most: int) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@ from fastapi import APIRouter
 
 from service import queries
 from service.context import Asker, ContextOf
+from service.registry.findings import judged_findings, rates
 from service.routes.pumps import shown
 
 router = APIRouter(prefix="/fleet", tags=["fleet"])
@@ -32,8 +33,10 @@ def fleet(context: ContextOf, asker: Asker) -> list[dict[str, Any]]:
 
 @router.get("/summary", summary="How the fleet is")
 def summary(context: ContextOf, asker: Asker) -> dict[str, Any]:
-    """Counts by state and side, and the pumps that want attention, the most urgent first."""
+    """Counts by state and side, pumps that want attention or have gone silent, and how often the workshop agreed."""
     pumps = fleet(context, asker)
+    with context.database.reading() as session:
+        judged = judged_findings(session, asker)
     quiet = ("healthy", "insufficient_data")
     return {
         "pumps": len(pumps),
@@ -41,4 +44,6 @@ def summary(context: ContextOf, asker: Asker) -> dict[str, Any]:
         "by_state": dict(Counter(p["state"] for p in pumps)),
         "by_side": dict(Counter(p["side"] for p in pumps)),
         "attention": [p for p in pumps if p["state"] not in quiet],
+        "silent": [p for p in pumps if p["silent"]],
+        "findings": rates(judged),
     }

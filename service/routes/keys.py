@@ -20,7 +20,7 @@ class NewKey(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     owner: str = Field(min_length=1, max_length=200, examples=["hums-office"])
-    role: Literal["viewer", "analyst", "admin"]
+    role: Literal["viewer", "analyst", "engineer", "admin"]
     operator: str | None = Field(default=None, min_length=1, max_length=200)
     expires_at: datetime | None = None
 

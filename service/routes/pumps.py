@@ -1,21 +1,28 @@
 """Pumps: list, one, verdicts, trends, damage identification curve."""
 
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from detectors.curve_svg import curve_svg
 from detectors.verdict import TREND_METRICS
 from service import queries
-from service.context import Asker, ContextOf
-from service.errors import Fault, Invalid
+from service.context import Asker, ContextOf, archive_of
+from service.errors import Conflict, Fault, Invalid
 from service.monitoring.curve import curve_of, curve_png
 from service.monitoring.forecast import forecast_of
+from service.monitoring.refold import verdict_known_at
 from service.monitoring.trend import trend_of
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
-from service.tables import Pump, StoredAssessment
+from service.registry import pumps as registry
+from service.registry.fields import Instant
+from service.registry.installations import current_installation
+from service.registry.locks import locked_pump
+from service.registry.silence import Silence, silent_pumps
+from service.tables import Pump, StoredAssessment, VerdictRevision
 
 router = APIRouter(prefix="/pumps", tags=["pumps"])
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]
@@ -25,7 +32,8 @@ def shown(session: Session, rows: list[Pump]) -> list[dict[str, Any]]:
     """Pumps as the API shows them, with where they were last seen and how they are."""
     ids = [row.id for row in rows]
     newest, counts = queries.last_assessments(session, ids), queries.n_records(session, ids)
-    return [_pump(session, row, newest.get(row.id), counts.get(row.id, 0)) for row in rows]
+    silent = silent_pumps(session, ids, datetime.now(UTC))
+    return [_pump(session, row, newest.get(row.id), counts.get(row.id, 0), silent.get(row.id)) for row in rows]
 
 
 @router.get("", summary="List pumps")
@@ -44,21 +52,55 @@ def listed(
         return page(rows, limit, query, lambda r: [r.operator, r.serial], lambda r: documents[r.id])
 
 
+@router.post("", status_code=201, summary="Register a pump")
+def create(body: registry.NewPump, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Register a pump before its first record."""
+    asker.require("engineer")
+    operator = asker.operator_of(body.operator)
+    try:
+        with context.database.writing() as session:
+            row = registry.create(session, operator, body, asker.owner)
+            response.headers["Location"] = f"/api/v1/pumps/{row.serial}"
+            return shown(session, [row])[0]
+    except IntegrityError:
+        raise Conflict(f"pump {body.serial} was registered at the same moment") from None
+
+
 @router.get("/{serial}", summary="One pump")
 def one(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
-    """A pump, where it was last seen, how it is."""
+    """A pump, where it sits, whether it has gone silent, how it is."""
     with context.database.reading() as session:
-        return shown(session, [queries.pump(session, asker, serial, operator)])[0]
+        row = queries.pump(session, asker, serial, operator)
+        return shown(session, [row])[0] | {"installation": current_installation(session, row, datetime.now(UTC))}
+
+
+@router.patch("/{serial}", summary="Confirm or change a pump")
+def change(
+    serial: str, body: registry.PumpChange, context: ContextOf, asker: Asker, operator: Operator = None
+) -> dict[str, Any]:
+    """Confirm a pump that a record brought along, or give it another type, which folds it anew."""
+    asker.require("engineer")
+    with context.database.writing() as session:
+        row = locked_pump(session, asker, serial, operator)
+        registry.change(session, row, body, asker.owner, archive_of(context))
+        return shown(session, [row])[0]
 
 
 @router.get("/{serial}/verdict", summary="Verdict of one pump")
 def verdict(
-    serial: str, context: ContextOf, asker: Asker, operator: Operator = None, at: datetime | None = None
+    serial: str,
+    context: ContextOf,
+    asker: Asker,
+    operator: Operator = None,
+    at: Annotated[Instant | None, Query(description="Event time; default: the latest record")] = None,
+    known_at: Annotated[Instant | None, Query(description="Only what was known then; default: now")] = None,
 ) -> dict[str, Any]:
-    """The verdict now, or as of an event time with today's knowledge."""
-    _check_instants(at=at)
+    """The verdict now, as of an event time, or as it stood with what was known at an instant."""
     with context.database.reading() as session:
-        return queries.verdict(session, queries.pump(session, asker, serial, operator), at)
+        row = queries.pump(session, asker, serial, operator)
+        if known_at is not None:
+            return verdict_known_at(session, row, archive_of(context), known_at, at)
+        return queries.verdict(session, row, at)
 
 
 @router.get("/{serial}/verdicts", summary="Every change of verdict")
@@ -70,6 +112,24 @@ def verdicts(serial: str, context: ContextOf, asker: Asker, operator: Operator =
     return {"items": items, "next": None}
 
 
+@router.get("/{serial}/verdicts/revisions", summary="Past verdicts that changed, and why")
+def revisions(
+    serial: str,
+    context: ContextOf,
+    asker: Asker,
+    operator: Operator = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Verdicts that a late, corrected or withdrawn record, an entry or a threshold changed; the newest first."""
+    query = {"list": "revisions", "pump": serial, "operator": operator}
+    after = place_of(query, cursor)
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        rows = list(session.scalars(queries.revisions(row.id, after).limit(limit + 1)))
+        return page(rows, limit, query, lambda r: r.id, _revision)
+
+
 @router.get("/{serial}/trend", summary="Trend of one metric")
 def trend(
     serial: str,
@@ -77,15 +137,14 @@ def trend(
     asker: Asker,
     metric: str,
     operator: Operator = None,
-    since: Annotated[datetime | None, Query(alias="from")] = None,
-    until: Annotated[datetime | None, Query(alias="to")] = None,
+    since: Annotated[Instant | None, Query(alias="from")] = None,
+    until: Annotated[Instant | None, Query(alias="to")] = None,
     points: Annotated[int, Query(ge=4, le=10_000)] = 1000,
 ) -> dict[str, Any]:
     """Points of a metric in event order, thinned to about ``points`` without losing extremes."""
     if metric not in TREND_METRICS:
         known = ", ".join(TREND_METRICS)
         raise Invalid(f"there is no metric {metric!r}", [Fault("query.metric", f"is not one of {known}")])
-    _check_instants(**{"from": since, "to": until})
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         items = trend_of(session, row, metric, since, until, points)
@@ -105,13 +164,12 @@ def curve(
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
-    at: datetime | None = None,
+    at: Instant | None = None,
     speed_rpm: Annotated[float | None, Query(ge=200, le=8000)] = None,
     fluid_temperature_degc: Annotated[float | None, Query(ge=-20, le=140)] = None,
     form: Annotated[Literal["json", "svg", "png"], Query(alias="format")] = "json",
 ) -> dict[str, Any] | Response:
     """Reference curve, this pump's points brought to the chosen conditions, and the direction of each fault."""
-    _check_instants(at=at)
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         found = curve_of(session, row, at, speed_rpm, fluid_temperature_degc)
@@ -122,17 +180,21 @@ def curve(
     return found.document
 
 
-def _check_instants(**instants: datetime | None) -> None:
-    faults = [
-        Fault(f"query.{name}", "has no time zone: write Z for UTC")
-        for name, instant in instants.items()
-        if instant is not None and instant.tzinfo is None
-    ]
-    if faults:
-        raise Invalid("an instant needs a time zone", faults)
+def _revision(row: VerdictRevision) -> dict[str, Any]:
+    return {
+        "at": row.at,
+        "record_id": row.record_id,
+        "old_state": row.old_state,
+        "new_state": row.new_state,
+        "cause": row.cause,
+        "cause_id": row.cause_id,
+        "changed_at": row.changed_at,
+    }
 
 
-def _pump(session: Session, row: Pump, newest: StoredAssessment | None, n_records: int) -> dict[str, Any]:
+def _pump(
+    session: Session, row: Pump, newest: StoredAssessment | None, n_records: int, silence: Silence | None
+) -> dict[str, Any]:
     last = queries.last_record(session, row.id) if newest is not None else None
     verdict = queries.verdict(session, row) if newest is None else newest.verdict
     return {
@@ -140,11 +202,13 @@ def _pump(session: Session, row: Pump, newest: StoredAssessment | None, n_record
         "operator": row.operator,
         "pump_type": row.pump_type,
         "confirmed": row.confirmed,
-        "aircraft": last.aircraft if last else None,
-        "position": last.position if last else None,
+        "aircraft": newest.aircraft if newest else None,
+        "position": newest.position if newest else None,
         "records": n_records,
         "last_record_at": last.started_at if last else None,
         "flight_hours": last.flight_hours if last else None,
+        "silent": silence is not None,
+        "silence_unusual_from": silence.unusual_from if silence else None,
         "state": verdict["state"],
         "side": verdict["side"],
         "since": verdict["since"],

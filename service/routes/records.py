@@ -7,11 +7,13 @@ from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service import queries
-from service.context import Asker, Context, ContextOf
+from service.context import Asker, Context, ContextOf, archive_of
 from service.errors import Fault, Invalid, TooLarge
 from service.ingest.metadata import KNOWN
 from service.monitoring.acceptance import Upload
+from service.monitoring.withdrawal import withdraw_record
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+from service.registry.fields import Reason
 from service.security import Principal
 from service.tables import ANALYSED, Record
 
@@ -93,6 +95,20 @@ def one(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
     return _answer(context, asker, record_id)
 
 
+@router.delete("/{record_id}", summary="Withdraw one record")
+def withdraw(
+    record_id: str,
+    context: ContextOf,
+    asker: Asker,
+    reason: Annotated[Reason, Query(description="Why it shall no longer count")],
+) -> dict[str, Any]:
+    """Take a record out of its pump's history, which is folded anew; its bytes are kept."""
+    asker.require("analyst")
+    with context.database.writing() as session:
+        withdraw_record(session, asker, record_id, reason, archive_of(context))
+    return _answer(context, asker, record_id)
+
+
 @router.get("/{record_id}/windows", summary="Windows of one record")
 def windows(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
     """All windows in time order, the rejected ones with their reason."""
@@ -158,6 +174,8 @@ def _answer(context: Context, asker: Principal, record_id: str) -> dict[str, Any
             "received_at": row.received_at,
             "supersedes": row.supersedes,
         }
+        if row.ended_at is not None:
+            document |= {"ended_at": row.ended_at, "withdrawal": row.withdrawal}
         if row.problem is not None:
             document["problem"] = row.problem
         if row.status != ANALYSED:

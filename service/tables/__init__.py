@@ -2,6 +2,8 @@
 
 from service.tables.access import ApiKey
 from service.tables.base import Base, UtcDateTime
+from service.tables.history import Entry, Finding, Installation, MaintenanceEvent, VerdictRevision
+from service.tables.operators import Deletion, OperatorSettings
 from service.tables.records import (
     ANALYSED,
     REFUSED,
@@ -12,7 +14,7 @@ from service.tables.records import (
     Refusal,
     StoredAssessment,
 )
-from service.tables.registry import Pump
+from service.tables.registry import Aircraft, Pump, ReferenceCurve, RegistryVersion
 from service.tables.thresholds import ThresholdVersion
 
 __all__ = [
@@ -21,12 +23,22 @@ __all__ = [
     "STORED",
     "SUPERSEDED",
     "WITHDRAWN",
+    "Aircraft",
     "ApiKey",
     "Base",
+    "Deletion",
+    "Entry",
+    "Finding",
+    "Installation",
+    "MaintenanceEvent",
+    "OperatorSettings",
     "Pump",
     "Record",
+    "ReferenceCurve",
     "Refusal",
+    "RegistryVersion",
     "StoredAssessment",
     "ThresholdVersion",
     "UtcDateTime",
+    "VerdictRevision",
 ]

@@ -19,8 +19,11 @@ class Record(Base):
     """One upload: its identity, where it belongs, and what the analysis made of it.
 
     ``request_hash`` recognises the same request, ``identity_hash`` the same operator, bytes and effective
-    metadata. ``pump_id`` and the flight's fields are empty until the bytes are decoded. At most one record that
-    counts may stand for a flight, pump and segment.
+    metadata. ``pump_id`` and the flight's fields are empty until the bytes are decoded; ``pump_type`` is what the upload
+    itself names. At most one record that counts may stand for a flight, pump and segment; one that was superseded or
+    withdrawn counted until ``ended_at``. ``raw_removed_at`` is when the retention took
+    the bytes, ``reduced_with`` names everything that reduction and residuals depend on
+    besides the bytes.
     """
 
     __tablename__ = "records"
@@ -46,6 +49,7 @@ class Record(Base):
     flight_id: Mapped[str | None]
     segment: Mapped[str] = mapped_column(default="")
     started_at: Mapped[datetime | None]
+    pump_type: Mapped[str | None]
     flight_hours: Mapped[float | None]
     status: Mapped[str]
     problem: Mapped[dict[str, Any] | None]
@@ -57,12 +61,16 @@ class Record(Base):
     identity_hash: Mapped[str | None] = mapped_column(unique=True)
     supersedes: Mapped[str | None]
     received_at: Mapped[datetime]
+    ended_at: Mapped[datetime | None]
+    withdrawal: Mapped[dict[str, Any] | None]
+    raw_removed_at: Mapped[datetime | None]
+    reduced_with: Mapped[str | None]
     reduction: Mapped[dict[str, Any] | None]
     residuals: Mapped[dict[str, Any] | None]
 
 
 class StoredAssessment(Base):
-    """The fold's answer right after one record; rewritten when an earlier record arrives late."""
+    """The fold's answer right after one record, and where the pump sat; rewritten when an earlier record arrives."""
 
     __tablename__ = "assessments"
     __table_args__ = (Index("ix_assessments_pump_id_at", "pump_id", "at"),)
@@ -70,6 +78,8 @@ class StoredAssessment(Base):
     record_id: Mapped[str] = mapped_column(ForeignKey("records.id"), primary_key=True)
     pump_id: Mapped[int] = mapped_column(ForeignKey("pumps.id"))
     at: Mapped[datetime]
+    aircraft: Mapped[str]
+    position: Mapped[str]
     state: Mapped[str]
     trend: Mapped[dict[str, Any]]
     verdict: Mapped[dict[str, Any]]

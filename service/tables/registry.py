@@ -1,8 +1,9 @@
-"""Pumps and where they belong."""
+"""Pumps, aircraft and reference curves: what an operator says about its own hardware."""
 
 from datetime import datetime
+from typing import Any
 
-from sqlalchemy import UniqueConstraint
+from sqlalchemy import Index, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.tables.base import Base
@@ -20,3 +21,47 @@ class Pump(Base):
     pump_type: Mapped[str]
     confirmed: Mapped[bool]
     created_at: Mapped[datetime]
+
+
+class Aircraft(Base):
+    """A helicopter of an operator; what is known of it stands in its ``RegistryVersion`` rows."""
+
+    __tablename__ = "aircraft"
+    __table_args__ = (UniqueConstraint("operator", "name"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    name: Mapped[str]
+    created_at: Mapped[datetime]
+
+
+class RegistryVersion(Base):
+    """What the registry said of one pump or aircraft from ``recorded_at`` on; rows are never changed.
+
+    A verdict as it stood at an instant reads the newest row that was recorded by then.
+    """
+
+    __tablename__ = "registry_versions"
+    __table_args__ = (Index("ix_registry_versions_entity", "operator", "kind", "name"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    kind: Mapped[str]
+    name: Mapped[str]
+    values: Mapped[dict[str, Any]]
+    recorded_at: Mapped[datetime]
+    author: Mapped[str]
+
+
+class ReferenceCurve(Base):
+    """Measured healthy points of a pump type; ``operator`` None holds for every operator. Rows are never changed."""
+
+    __tablename__ = "reference_curves"
+    __table_args__ = (Index("ix_reference_curves_pump_type_operator", "pump_type", "operator"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    pump_type: Mapped[str]
+    operator: Mapped[str | None]
+    points: Mapped[dict[str, Any]]
+    recorded_at: Mapped[datetime]
+    author: Mapped[str]

@@ -8,6 +8,7 @@ import pytest
 from detectors.observation import Window, WindowKind
 from detectors.reduction import reduce_recording
 from detectors.thresholds import effective
+from detectors.windows import steady_windows
 from twin.pumps import pump_type
 from twin.recording import Recording
 
@@ -178,3 +179,34 @@ def test_thresholds_must_be_in_order_and_range() -> None:
         effective({"mood": 1})
     with pytest.raises(ValueError, match="lies above"):
         effective({"alarm_off_log_odds": 6.0, "alarm_on_log_odds": 5.0})
+
+
+def test_each_level_of_a_ground_run_is_a_window_of_its_own() -> None:
+    """Section 4.4.1 of the thesis: ground runs at constant flow, one level after the other."""
+    found = steady_windows(_ground_run([10.0] * 90 + [20.0] * 90), PUMP, THRESHOLDS)
+    flows = [round(w.means["commanded_flow_lpm"].mean, 1) for w in found if w.accepted]
+    assert flows == [10.0, 20.0]
+
+
+def test_an_unknown_command_is_neither_zero_nor_constant_flow() -> None:
+    found = steady_windows(_ground_run([0.0] * 60 + [np.nan] * 60 + [10.0] * 60), PUMP, THRESHOLDS)
+    assert [(w.kind, round(w.end_s - w.start_s)) for w in found if w.accepted] == [
+        (WindowKind.ZERO_FLOW, 60),
+        (WindowKind.CONSTANT_FLOW, 59),
+    ]
+
+
+def _ground_run(commanded: list[float]) -> Recording:
+    n = len(commanded)
+    rng = np.random.default_rng(4)
+    flow = np.nan_to_num(np.array(commanded))
+    return Recording(
+        {
+            "time_s": np.arange(n, dtype=np.float64),
+            "discharge_pressure_bar": 175.0 - 0.05 * flow + rng.normal(0.0, 0.1, n),
+            "case_pressure_bar": 0.6 + 0.01 * flow + rng.normal(0.0, 0.002, n),
+            "shaft_speed_rpm": 4600.0 + rng.normal(0.0, 2.0, n),
+            "fluid_temperature_degc": np.full(n, 50.0),
+            "commanded_flow_lpm": np.array(commanded),
+        }
+    )

@@ -7,14 +7,14 @@ import pytest
 from alembic import command
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
-from sqlalchemy import select
+from sqlalchemy import select, text
 
 from service.app import opened
 from service.database import Database, alembic_config, pending_migration
 from service.errors import Unavailable
 from service.raw_store import RawStore, content_hash
 from service.settings import Settings
-from service.tables import Base, Pump
+from service.tables import Aircraft, Base, Pump, Record, StoredAssessment
 
 
 def test_migrations_and_tables_agree(database_url: str) -> None:
@@ -84,3 +84,32 @@ def test_raw_bytes_are_kept_once_and_checked(tmp_path: Path) -> None:
     kept[0].unlink()
     with pytest.raises(Unavailable, match="not in the raw store"):
         store.get(digest)
+
+
+def test_the_registry_learns_what_records_had_said_before_it(database_url: str) -> None:
+    config = alembic_config(database_url)
+    command.downgrade(config, "0001")
+    database = Database(database_url)
+    now = "'2026-05-02 07:11:00'"
+    with database.engine.begin() as connection:
+        for statement in (
+            f"INSERT INTO pumps VALUES (1, 'north', 'P-1', 'h225', false, {now})",
+            "INSERT INTO records (id, operator, pump_id, aircraft, position, segment, status, request, attributes, "
+            "content_hash, content_type, request_hash, received_at) VALUES "
+            f"('r', 'north', 1, 'F-1', 'LH', '', 'analysed', '{{}}', '{{}}', 'c', 't', 'q', {now})",
+            "INSERT INTO records (id, operator, pump_id, segment, status, request, attributes, content_hash, "
+            "content_type, request_hash, received_at, supersedes) VALUES "
+            f"('old', 'north', 1, '', 'superseded', '{{}}', '{{}}', 'c', 't', 'q', {now}, NULL), "
+            "('new', 'north', 1, '', 'analysed', '{}', '{}', 'c', 't', 'q', '2026-05-03 07:11:00', 'old')",
+            "INSERT INTO assessments (record_id, pump_id, at, state, trend, verdict) "
+            f"VALUES ('r', 1, {now}, 'healthy', '{{}}', '{{}}')",
+        ):
+            connection.execute(text(statement))
+    command.upgrade(config, "head")
+    with database.reading() as session:
+        assessment = session.scalars(select(StoredAssessment)).one()
+        assert (assessment.aircraft, assessment.position) == ("F-1", "LH")
+        ended = session.scalar(select(Record.ended_at).where(Record.id == "old"))
+        assert ended == datetime(2026, 5, 3, 7, 11, tzinfo=UTC)
+        assert session.execute(select(Aircraft.operator, Aircraft.name)).all() == [("north", "F-1")]
+    database.close()

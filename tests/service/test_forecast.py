@@ -13,7 +13,7 @@ from detectors.prognosis import Forecast, NoForecast
 from service.database import Database
 from service.monitoring.forecast import SPACING, TrendPoint, forecast_of_trend
 from service.settings import Settings
-from service.tables import ANALYSED, Pump, Record, StoredAssessment
+from service.tables import ANALYSED, Installation, Pump, Record, StoredAssessment
 from tests.service.records import body
 
 LIMIT = 1.5
@@ -144,7 +144,14 @@ def store(database_url: str, track: Sequence[TrendPoint], verdict: dict[str, Any
             trend = {"case_flow_at_reference_lpm": flow}
             session.add(
                 StoredAssessment(
-                    record_id=f"r{i:04d}", pump_id=pump.id, at=at, state="healthy", trend=trend, verdict=verdict
+                    record_id=f"r{i:04d}",
+                    pump_id=pump.id,
+                    at=at,
+                    aircraft=place,
+                    position="LH",
+                    state="healthy",
+                    trend=trend,
+                    verdict=verdict,
                 )
             )
     database.close()
@@ -185,6 +192,30 @@ def test_only_the_current_installation_counts(client: TestClient, settings: Sett
     assert document["records"] == 10
     assert "10 records of this installation" in document["reason"]
     assert document["reason"] in client.get("/pumps/F-1").text
+
+
+def test_an_entered_installation_starts_anew(client: TestClient, settings: Settings, verdict: dict[str, Any]) -> None:
+    """The records name one aircraft all along: the entry says that the pump was away in between."""
+    store(settings.database_url, points(120, 0.002, level=0.7)[0], verdict, ["F-A"] * 120)
+    database = Database(settings.database_url)
+    with database.writing() as session:
+        pump_id = session.scalars(select(Pump.id).where(Pump.serial == "F-1")).one()
+        at = START + timedelta(days=99, hours=12)
+        session.add(
+            Installation(
+                id="i-1",
+                pump_id=pump_id,
+                recorded_at=at,
+                author="test",
+                aircraft="F-A",
+                position="LH",
+                installed_at=at,
+            )
+        )
+    database.close()
+    document = client.get("/api/v1/pumps/F-1/forecast").json()
+    assert document["records"] == 20
+    assert document["flight_hours"] is None
 
 
 def test_records_without_flight_hours_say_so(client: TestClient, settings: Settings, verdict: dict[str, Any]) -> None:

@@ -72,3 +72,47 @@ def gap_viscosity(fluid: Fluid, T: float, P_0: float, P_1: float) -> float:
     """
     T_mean = T + 0.5 * throttling_heating(fluid, T, max(P_0, P_1), min(P_0, P_1))
     return dynamic_viscosity(fluid, T_mean, 0.5 * (P_0 + P_1))
+
+
+class Film(NamedTuple):
+    """Viscosity in gaps at one temperature: ``gap_viscosity`` with its logarithm linear in both pressures.
+
+    ``mu_0`` at ambient pressure [Pa s]; ``slope`` of the logarithm by the pressure difference, with half of the heating,
+    and ``barus`` by the pressure where the gap ends [1/Pa].
+    """
+
+    mu_0: float
+    slope: float
+    barus: float
+
+
+_P_FILM = 175.0e5
+
+
+@compiled
+def film_of(fluid: Fluid, T: float) -> Film:
+    """Film of a fluid fed at temperature T [K]: exact at no pressure difference and at 175 bar."""
+    mu_0 = gap_viscosity(fluid, T, P_ATMOSPHERE, P_ATMOSPHERE)
+    slope = math.log(gap_viscosity(fluid, T, P_ATMOSPHERE + _P_FILM, P_ATMOSPHERE) / mu_0) / _P_FILM
+    return Film(mu_0, slope, fluid.alpha_p)
+
+
+@compiled
+def viscosity_factor(x: float) -> float:
+    """exp(x) as Pade's quotient of fourth order, within 1e-10 for |x| < 0.5 and 2e-5 for |x| < 2: viscosity by pressure."""
+    y = x * x
+    even = 1.0 + y * (3.0 / 28.0 + y / 1680.0)
+    odd = x * (0.5 + y / 84.0)
+    return (even + odd) / (even - odd)
+
+
+@compiled
+def film_viscosity(film: Film, P_0: float, P_1: float) -> float:
+    """Effective dynamic viscosity in a gap from P_0 to P_1 [Pa s]; fed backwards it counts as unloaded."""
+    return film.mu_0 * viscosity_factor(film.slope * max(P_0 - P_1, 0.0) + film.barus * (P_1 - P_ATMOSPHERE))
+
+
+@compiled
+def film_fluidity(film: Film, P_0: float, P_1: float) -> float:
+    """One over ``film_viscosity`` [1/Pa/s]: for kernels that multiply by it several times."""
+    return viscosity_factor(-film.slope * max(P_0 - P_1, 0.0) - film.barus * (P_1 - P_ATMOSPHERE)) / film.mu_0

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
-from twin.laws.compressibility import P_FLOOR, Medium, pressure, relative_compressibility, relative_density
+from twin.laws.compressibility import P_FLOOR, Medium, density_and_slope, pressure_of
+from twin.laws.fluid import Film, film_fluidity
 from twin.laws.orifice import smooth_orifice_conductance
 from twin.parameters import Piston, PortPlate, Pump
 from twin.parts.piston import chamber_volume, volume_by_tilt, volume_rate_by_rotation
@@ -43,7 +44,7 @@ from twin.simulation.layout import (
     TORQUE,
     VOLUME,
 )
-from twin.simulation.scene import Scene, viscosity_factor
+from twin.simulation.scene import Scene
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -69,8 +70,7 @@ def volumes(pump: Pump, scene: Scene, y: Vector, n: int, t: float, ch: Matrix) -
         ch[k, VOLUME] = chamber_volume(piston, scene.t_max, t, c)
         ch[k, ROTATION] = volume_rate_by_rotation(piston, t, s, omega)
         ch[k, TILT] = volume_by_tilt(piston, t, c)
-        ch[k, DENSITY] = relative_density(scene.medium, y[N_SHARED + k])
-        ch[k, CAPACITY] = relative_compressibility(scene.medium, y[N_SHARED + k])
+        ch[k, DENSITY], ch[k, CAPACITY] = density_and_slope(scene.medium, y[N_SHARED + k])
         c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
 
 
@@ -108,12 +108,12 @@ def constant_gaps(pump: Pump, scene: Scene, y: Vector, n: int, clearances: Matri
     K = scene.throttle
     for k in range(n):
         P = max(y[N_SHARED + k], P_FLOOR)
-        mu = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P - P_c, 0.0))
+        fluidity = film_fluidity(scene.film, P, P_c)
         b, h = clearances[k, 0], clearances[k, 1]
-        G = land * h * h * h / mu
+        G = land * h * h * h * fluidity
         ch[k, G_LAND] = scene.slipper_scale * throttled_conductance(P - P_c, K, G)
         ring = scene.piston_scale * scene.ring * b * b * b
-        ch[k, G_RING] = ring / (mu * (piston.l_mean - piston.R * t * ch[k, COS]))
+        ch[k, G_RING] = ring * fluidity / (piston.l_mean - piston.R * t * ch[k, COS])
         ch[k, G_L] = ch[k, G_LAND] + ch[k, G_RING]
         ch[k, DRAG] = -scene.ring_drag * b * piston.R * t * ch[k, SIN] * omega
 
@@ -139,12 +139,11 @@ def eliminate(
     piston, plate = pump.piston, pump.port_plate
     t = math.tan(y[ALPHA])
     P_d, P_c, w_old, P_s = y[P_D], y[P_C], y[ALPHA_DOT], scene.P_s
-    turn = y[OMEGA] * dt
+    turn, per_dt = y[OMEGA] * dt, 1.0 / dt
     turn_c, turn_s = math.cos(turn), math.sin(turn)
     busy = plate.phi_seal + _FILLING * plate.phi_ramp
     area_R = 0.25 * math.pi * piston.d_p**2 * piston.R
     land = scene.slipper_scale, scene.land * pump.slipper.h**3, scene.throttle
-    viscosity = scene.mu_0, scene.mu_slope
     ring = scene.piston_scale * scene.ring
     pitch = 2.0 * math.pi / n
     delayed = (y[THETA] - plate.phi_commutation) % (2.0 * math.pi)
@@ -156,7 +155,7 @@ def eliminate(
         ch[k, MASS] = ch[k, DENSITY] * ch[k, VOLUME]
         # torque arm and volume rate as they are in the middle of the step
         tilt = area_R * (1.0 + t * t) * 0.5 * (ch[k, COS] + c_new)
-        ch[k, ROTATION] = area_R * t * (c_new - ch[k, COS]) / dt
+        ch[k, ROTATION] = area_R * t * (c_new - ch[k, COS]) * per_dt
         since = delayed if delayed < math.pi else delayed - math.pi
         if since < busy and n_sub > 1:
             ch[k, _FILLS] = 1.0
@@ -167,7 +166,7 @@ def eliminate(
                 scene.medium,
                 ends,
                 land,
-                viscosity,
+                scene.film,
                 ring,
                 scene.rho,
                 P_s,
@@ -197,7 +196,7 @@ def eliminate(
             G_d, G_s = port(plate, delayed + 0.5 * turn, P, P_d, P_s, scene.rho)
             ch[k, G_D], ch[k, G_S] = G_d, G_s
             G_l, drag = ch[k, G_L], ch[k, DRAG]
-            C = ch[k, CAPACITY] * ch[k, VOLUME] / dt
+            C = ch[k, CAPACITY] * ch[k, VOLUME] * per_dt
             D = 1.0 / (C + G_d + G_s + G_l)
             grow = ch[k, DENSITY] * tilt
             forced = C * P + G_s * P_s - drag - ch[k, DENSITY] * ch[k, ROTATION]
@@ -242,7 +241,7 @@ def fill(
     m: Medium,
     ends: tuple[float, float, float, float, float, float],
     land: tuple[float, float, float],
-    viscosity: tuple[float, float],
+    film: Film,
     ring: float,
     rho: float,
     P_s: float,
@@ -258,14 +257,14 @@ def fill(
     """A chamber through ``n_sub`` substeps, the shared states standing at the step's end: affine results into ``row``.
 
     ``ends`` are clearance factors of piston and slipper, angle past the delayed dead centre, torque arm, tan(alpha),
-    area times R; ``land`` scale, coefficient and throttle; ``viscosity`` at ambient pressure and its slope.
+    area times R; ``land`` scale, coefficient and throttle.
     """
     gap_b, gap_h, angle, tilt, t, area_R = ends
     t_max = (row[VOLUME] - piston.V_dead) / area_R - t * row[COS]
     drag, G_l, G_h = row[DRAG], row[G_L], row[G_LAND]
     p_0, p_d, p_c, p_w = P, 0.0, 0.0, 0.0
     d_0 = d_d = d_c = d_w = s_0 = s_d = s_c = s_w = l_0 = l_d = l_c = l_w = m_0 = m_d = m_c = m_w = h_0 = 0.0
-    h, per = dt / n_sub, 1.0 / n_sub
+    per, per_h = 1.0 / n_sub, n_sub / dt
     step_c, step_s = math.cos(turn * per), math.sin(turn * per)
     guess, c, sn, volume = P, row[COS], row[SIN], row[VOLUME]
     density, capacity = row[DENSITY], row[CAPACITY]
@@ -275,9 +274,9 @@ def fill(
         angle += turn * per
         c, sn = c * step_c - sn * step_s, sn * step_c + c * step_s
         turned = piston.V_dead + area_R * (t_max + t * c)
-        C = capacity * volume / h
+        C = capacity * volume * per_h
         D = 1.0 / (C + G_d + G_s + G_l)
-        forced = G_s * P_s - drag - density * (turned - volume) / h
+        forced = G_s * P_s - drag - density * (turned - volume) * per_h
         if (C * guess + forced + G_d * P_d + G_l * P_c - density * tilt * w_old) * D >= P_FLOOR:
             p_0, p_d, p_c, p_w = (
                 (C * p_0 + forced) * D,
@@ -311,11 +310,11 @@ def fill(
         m_w += e_w
         h_0 += G_h * (guess - P_c)
         volume = turned
-        density, capacity = relative_density(m, guess), relative_compressibility(m, guess)
+        density, capacity = density_and_slope(m, guess)
         dP = max(guess - P_c, 0.0)
-        mu = viscosity[0] * viscosity_factor(viscosity[1] * dP)
-        G_h = land[0] * throttled_conductance(dP, land[2], land[1] * gap_h * gap_h * gap_h / mu)
-        G_l = G_h + ring * gap_b * gap_b * gap_b / (mu * (piston.l_mean - piston.R * t * c))
+        fluidity = film_fluidity(film, guess, P_c)
+        G_h = land[0] * throttled_conductance(dP, land[2], land[1] * gap_h * gap_h * gap_h * fluidity)
+        G_l = G_h + ring * gap_b * gap_b * gap_b * fluidity / (piston.l_mean - piston.R * t * c)
     row[_P_END], row[_P_END + 1], row[_P_END + 2], row[_P_END + 3] = p_0, p_d, p_c, p_w
     row[_TO_D], row[_TO_D + 1], row[_TO_D + 2], row[_TO_D + 3] = d_0 * per, d_d * per, d_c * per, d_w * per
     row[_FROM_S], row[_FROM_S + 1], row[_FROM_S + 2], row[_FROM_S + 3] = s_0 * per, s_d * per, s_c * per, s_w * per
@@ -350,7 +349,7 @@ def update(
         mass = ch[k, MASS] + dt * (q_s - q_d - q_l)
         ch[k, MASS] = mass
         volume = chamber_volume(pump.piston, scene.t_max, t_new, ch[k, _COS_NEW])
-        y[N_SHARED + k] = pressure(scene.medium, mass / volume, P)
+        y[N_SHARED + k] = pressure_of(scene.medium, mass, volume, P)
         to_discharge += q_d
         leaked += q_l
         drawn += q_s

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
-from twin.laws.compressibility import P_FLOOR, pressure
+from twin.laws.compressibility import P_FLOOR, pressure_of
 from twin.parameters import Circuit, Pump
 from twin.parts.piston import chamber_volume
 from twin.simulation import slippers
@@ -142,10 +142,10 @@ def advance(
     for j in range(4, y.shape[0]):
         y[j] = 2.0 * y[j] - coarse[j]
     other = masses_coarse
-    y[0] = pressure(m, (2.0 * masses[0] - other[0]) / volumes.discharge, y[0])
-    y[1] = pressure(m, (2.0 * masses[1] - other[1]) / volumes.case, y[1])
-    y[2] = pressure(m, (2.0 * masses[2] - other[2]) / volumes.return_line, y[2])
-    y[3] = pressure(m, (2.0 * masses[3] - other[3]) / volumes.control, y[3])
+    y[0] = pressure_of(m, 2.0 * masses[0] - other[0], volumes.discharge, y[0])
+    y[1] = pressure_of(m, 2.0 * masses[1] - other[1], volumes.case, y[1])
+    y[2] = pressure_of(m, 2.0 * masses[2] - other[2], volumes.return_line, y[2])
+    y[3] = pressure_of(m, 2.0 * masses[3] - other[3], volumes.control, y[3])
     t = math.tan(y[ALPHA])
     c, sn = math.cos(y[THETA]), math.sin(y[THETA])
     turn_c, turn_s = math.cos(2.0 * math.pi / n), math.sin(2.0 * math.pi / n)
@@ -154,11 +154,12 @@ def advance(
         if lifted:
             h = y[N_SHARED + 2 * n + k]
             V = slippers.lifted_volume(piston, scene.t_max, t, c, h)
-            held = (2.0 * masses[4 + n + k] - other[4 + n + k]) / (pump.slipper.V_pocket + scene.S_eq * h)
-            y[N_SHARED + n + k] = pressure(m, held, y[N_SHARED + n + k])
+            held = 2.0 * masses[4 + n + k] - other[4 + n + k]
+            pocket = pump.slipper.V_pocket + scene.S_eq * h
+            y[N_SHARED + n + k] = pressure_of(m, held, pocket, y[N_SHARED + n + k])
         else:
             V = chamber_volume(piston, scene.t_max, t, c)
-        y[N_SHARED + k] = pressure(m, (2.0 * masses[4 + k] - other[4 + k]) / V, y[N_SHARED + k])
+        y[N_SHARED + k] = pressure_of(m, 2.0 * masses[4 + k] - other[4 + k], V, y[N_SHARED + k])
         c, sn = c * turn_c - sn * turn_s, sn * turn_c + c * turn_s
     return ok and math.isfinite(y[P_D] + y[ALPHA])
 

@@ -111,7 +111,7 @@ class Run:
 
 
 def default_step(pump: Pump, scenario: Scenario) -> float:
-    """Longest step that keeps the means within 0.1 %: 60 us and 1.7 degrees, or 10 us with variable gaps [s]."""
+    """Longest step that keeps means within 0.1 % and order n within 2 %: 60 us and 1.7 degrees, or 10 us with variable gaps [s]."""
     if pump.slipper.variable > 0.5:
         return VARIABLE_GAP_STEP_S
     return min(DEFAULT_STEP_S, LARGEST_TURN_RAD / (_fastest(scenario) * RAD_PER_S_PER_RPM))

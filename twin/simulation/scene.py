@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from twin.compiled import compiled
 from twin.condition import INPUTS
 from twin.laws.compressibility import Medium, medium_of
-from twin.laws.fluid import P_ATMOSPHERE, density, dynamic_viscosity, gap_viscosity, kinematic_viscosity
+from twin.laws.fluid import P_ATMOSPHERE, Film, density, dynamic_viscosity, film_of, kinematic_viscosity
 from twin.laws.metering_edge import Edge
 from twin.parameters import Circuit, Pump
 from twin.parts.compensator import edge_of
@@ -35,7 +35,6 @@ TRANSIENT_INPUTS: tuple[str, ...] = (
 SCENE_INPUTS: tuple[str, ...] = INPUTS + TRANSIENT_INPUTS
 N_SCENE = len(SCENE_INPUTS)
 _LOAD, _JAM, _PLATE = range(len(INPUTS), N_SCENE)
-_P_REF = 175.0e5
 
 
 class Scene(NamedTuple):
@@ -50,8 +49,7 @@ class Scene(NamedTuple):
     rho: float
     nu: float
     medium: Medium
-    mu_0: float
-    mu_slope: float
+    film: Film
     T: float
     k_c: float
     w_nu: float
@@ -86,8 +84,6 @@ def scene_of(pump: Pump, circuit: Circuit, row: Vector) -> Scene:
     """Scene of one row of inputs in the order of ``SCENE_INPUTS`` (edge units), shape (>= N_SCENE,)."""
     T = row[1] + KELVIN_AT_0_DEGC
     fluid, comp, piston, slipper = pump.fluid, pump.compensator, pump.piston, pump.slipper
-    mu_0 = gap_viscosity(fluid, T, P_ATMOSPHERE, P_ATMOSPHERE)
-    mu_slope = math.log(gap_viscosity(fluid, T, P_ATMOSPHERE + _P_REF, P_ATMOSPHERE) / mu_0) / _P_REF
     preload = comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[11] * PA_PER_BAR * comp.A_spool
     rho = density(fluid, T, P_ATMOSPHERE)
     warmer = T - circuit.T_ref
@@ -101,8 +97,7 @@ def scene_of(pump: Pump, circuit: Circuit, row: Vector) -> Scene:
         rho=rho,
         nu=kinematic_viscosity(fluid, T),
         medium=medium_of(fluid, T),
-        mu_0=mu_0,
-        mu_slope=mu_slope,
+        film=film_of(fluid, T),
         T=T,
         k_c=circuit.k_c * (1.0 + circuit.k_c_slope * warmer) * row[12],
         w_nu=circuit.w_nu + row[13],
@@ -131,12 +126,3 @@ def scene_of(pump: Pump, circuit: Circuit, row: Vector) -> Scene:
         squeeze=squeeze_coefficient(piston, slipper),
         t_max=math.tan(pump.swashplate.alpha_max),
     )
-
-
-@compiled
-def viscosity_factor(x: float) -> float:
-    """exp(x) as Pade's quotient of fourth order, within 1e-10 for |x| < 0.5 and 2e-5 for |x| < 2: viscosity by pressure."""
-    y = x * x
-    even = 1.0 + y * (3.0 / 28.0 + y / 1680.0)
-    odd = x * (0.5 + y / 84.0)
-    return (even + odd) / (even - odd)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
 from twin.laws.compressibility import relative_compressibility
-from twin.laws.fluid import throttling_heating
+from twin.laws.fluid import film_viscosity, throttling_heating
 from twin.laws.friction import friction_damping, friction_damping_ahead
 from twin.parameters import Circuit, Pump
 from twin.parts import servo as servo_part
@@ -41,7 +41,7 @@ from twin.simulation.layout import (
     X_STROKE,
     X,
 )
-from twin.simulation.scene import Scene, viscosity_factor
+from twin.simulation.scene import Scene
 from twin.steady_state import drain_viscosity_ratio
 
 Vector = NDArray[np.float64]
@@ -112,9 +112,9 @@ def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Sh
     x, v, alpha, alpha_dot = y[X], y[V_SPOOL], y[ALPHA], y[ALPHA_DOT]
     rho, t = scene.rho, math.tan(alpha)
     plate_gap = scene.plate_scale * gap.h**3 / 12.0 * gap.shape
-    mu_case = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P_d - P_c, 0.0))
-    mu_in = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P_d - P_ctrl, 0.0))
-    mu_out = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P_ctrl - P_c, 0.0))
+    mu_case = film_viscosity(scene.film, P_d, P_c)
+    mu_in = film_viscosity(scene.film, P_d, P_ctrl)
+    mu_out = film_viscosity(scene.film, P_ctrl, P_c)
     e_in, e_in_x = inlet(comp, scene.edge, x, P_d - P_ctrl, rho, mu_in, scene.nu)
     e_out, e_out_x = outlet(comp, scene.edge, x, P_ctrl - P_c, rho, mu_out, scene.nu)
     e_out += servo_part.stroking_leakage(servo, mu_out) + bleed_conductance(comp, P_ctrl - P_c, rho)
@@ -172,7 +172,7 @@ def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Sh
         system=counted_conductance(P_d - scene.P_s, scene.Q_sys),
         throttled=counted_conductance(P_d - P_c, scene.throttled),
         plate_d=plate_gap / mu_case,
-        plate_s=plate_gap / scene.mu_0,
+        plate_s=plate_gap / film_viscosity(scene.film, P_c, P_c),
         rate_leak=servo_part.rate_leakage(servo, mu_case),
         e_in=e_in,
         e_in_x=e_in_x,
@@ -255,7 +255,10 @@ def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, d
     # carried pistons: the control volume grows as the tilt falls, the case as it rises
     A[1, 5] += s.arm - s.arm_rate
     A[3, 5] -= s.arm
-    A[5, 3] += s.arm
+    # the plate on the control volume is an oscillator that a wholly implicit step damps: pushing it by the mean of old
+    # and new control pressure halves that and stays stable at any step
+    A[5, 3] += 0.5 * s.arm
+    b[5] -= 0.5 * s.arm * P_ctrl
     A[5, 1] -= s.arm - s.arm_rate
     A[0, 5] += s.arm_rate
     A[5, 0] -= s.arm_rate

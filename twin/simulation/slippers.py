@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.laws.compressibility import pressure, relative_compressibility, relative_density
+from twin.laws.fluid import film_viscosity
 from twin.laws.friction import gap_drag
 from twin.laws.orifice import smooth_orifice_conductance
 from twin.parameters import Piston, Pump
@@ -41,7 +42,7 @@ from twin.simulation.layout import (
     THETA,
     TORQUE,
 )
-from twin.simulation.scene import Scene, viscosity_factor
+from twin.simulation.scene import Scene
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -108,8 +109,8 @@ def film(
     Wear of the land widens the gap through which it leaks; a land in contact still leaks through its roughness.
     """
     piston, slipper = pump.piston, pump.slipper
-    mu = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P - P_c, 0.0))
-    mu_p = scene.mu_0 * viscosity_factor(scene.mu_slope * max(P_p - P_c, 0.0))
+    mu = film_viscosity(scene.film, P, P_c)
+    mu_p = film_viscosity(scene.film, P_p, P_c)
     height = max(h, slipper.h_min) + (wear - 1.0) * slipper.h
     area = slipper.C_q * 0.25 * math.pi * slipper.d_throttle**2
     length = piston.l_mean - piston.R * t * c

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
-from twin.laws.compressibility import pressure, relative_compressibility, relative_density
+from twin.laws.compressibility import pressure_of, relative_compressibility, relative_density
 from twin.parameters import Circuit, Pump
 from twin.parts.drive import friction_torque, speed_after
 from twin.simulation import chambers, slippers
@@ -121,10 +121,10 @@ def solve_step(
         masses[4 + k] = ch[k, MASS]
         if lifted:
             masses[4 + n + k] = ch[k, POCKET]
-    y[P_D] = pressure(m, masses[0] / volumes.discharge, Pd)
-    y[P_C] = pressure(m, masses[1] / volumes.case, Pc)
-    y[P_I] = pressure(m, masses[2] / volumes.return_line, Pi)
-    y[P_CTRL] = pressure(m, masses[3] / volumes.control, Pctrl)
+    y[P_D] = pressure_of(m, masses[0], volumes.discharge, Pd)
+    y[P_C] = pressure_of(m, masses[1], volumes.case, Pc)
+    y[P_I] = pressure_of(m, masses[2], volumes.return_line, Pi)
+    y[P_CTRL] = pressure_of(m, masses[3], volumes.control, Pctrl)
     y[X] += dt * v_new
     y[V_SPOOL] = v_new
     y[ALPHA] = alpha_new

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from twin.compiled import compiled
 from twin.condition import Condition, Health, input_rows
 from twin.laws.compressibility import pressure, relative_compressibility, relative_density
+from twin.laws.fluid import Film
 from twin.parameters import Pump
 from twin.pumps import circuit_parameters
 from twin.simulation.layout import ALPHA, N_SHARED, OMEGA, P_C, THETA, n_states
@@ -126,7 +127,7 @@ def rig_scene(pump: Pump, case: RigCase) -> Scene:
     """Scene of a case at 50 degC with its viscosity, the same at every pressure."""
     row = input_rows([Condition(case.speed_rpm, 50.0)], [Health()])[0]
     scene = scene_of(pump, circuit_parameters("shared_return"), np.append(row, np.zeros(len(TRANSIENT_INPUTS))))
-    return scene._replace(mu_0=case.viscosity_pa_s, mu_slope=0.0)
+    return scene._replace(film=Film(case.viscosity_pa_s, 0.0, 0.0))
 
 
 def rig_state(pump: Pump, case: RigCase, scene: Scene) -> Vector:

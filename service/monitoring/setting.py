@@ -1,0 +1,74 @@
+"""What surrounds a pump on its aircraft: circuit, fluid, sensors; and the pump type as the judge sees it there."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Any
+
+from twin.fluids import FLUIDS
+from twin.parameters import Circuit, PumpType, Sensor
+from twin.pumps import circuit_parameters
+
+DEFAULT_CIRCUIT = "shared_return"
+"""Circuit of an aircraft of which the registry says nothing."""
+CIRCUITS: tuple[str, ...] = ("shared_return", "separate_drain")
+
+
+@dataclass(frozen=True, slots=True)
+class FittedSensor:
+    """One sensor of an aircraft: full scale [bar] and accuracy [% of full scale], None where not stated."""
+
+    channel: str
+    full_scale_bar: float
+    accuracy_percent: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """Surroundings of a pump at one event time; equal settings are analysed alike."""
+
+    circuit: str = DEFAULT_CIRCUIT
+    fluid: str | None = None
+    sensors: tuple[FittedSensor, ...] = ()
+
+    @property
+    def circuit_parameters(self) -> Circuit:
+        """The circuit as the twin takes it."""
+        return circuit_parameters(self.circuit)
+
+    @property
+    def unknown_fluid(self) -> str | None:
+        """Name of a fluid that the twin has no properties of."""
+        return self.fluid if self.fluid is not None and self.fluid not in FLUIDS else None
+
+    def pump_type(self, base: PumpType) -> PumpType:
+        """The pump type with this aircraft's sensors and fluid.
+
+        A sensor's repeatability keeps the pump type's ratio to its accuracy: data sheets of operators state the
+        accuracy alone.
+        """
+        sensors: dict[str, Sensor] = dict(base.sensors)
+        for fitted in self.sensors:
+            usual = base.sensors.get(fitted.channel)
+            if usual is None:
+                continue
+            accuracy = usual.accuracy_fs if fitted.accuracy_percent is None else fitted.accuracy_percent / 100.0
+            ratio = usual.repeatability_fs / usual.accuracy_fs if usual.accuracy_fs > 0.0 else 1.0
+            sensors[fitted.channel] = Sensor(fitted.full_scale_bar, accuracy, ratio * accuracy)
+        pump = base.pump
+        if self.fluid is not None and self.fluid in FLUIDS:
+            pump = pump._replace(fluid=FLUIDS[self.fluid])
+        return replace(base, sensors=sensors, pump=pump)
+
+
+def setting_at(aircraft: Mapping[str, Any], at: datetime) -> Setting:
+    """Setting that an aircraft's registry values give at an event time; of each channel the newest sensor by then."""
+    newest: dict[str, tuple[datetime, FittedSensor]] = {}
+    for entry in aircraft.get("sensors", ()):
+        since = datetime.fromisoformat(entry["since"])
+        held = newest.get(entry["channel"])
+        if since <= at and (held is None or held[0] <= since):
+            sensor = FittedSensor(entry["channel"], entry["full_scale_bar"], entry.get("accuracy_percent_full_scale"))
+            newest[entry["channel"]] = (since, sensor)
+    sensors = tuple(newest[channel][1] for channel in sorted(newest))
+    return Setting(aircraft.get("circuit") or DEFAULT_CIRCUIT, aircraft.get("fluid"), sensors)

@@ -1,0 +1,39 @@
+"""Withdrawing a record: it no longer counts, its bytes are kept, its pump is folded anew."""
+
+from datetime import UTC, datetime
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service import queries
+from service.errors import Conflict
+from service.monitoring.archive import Archive
+from service.monitoring.refold import Cause, refold
+from service.security import Principal
+from service.tables import ANALYSED, WITHDRAWN, Pump, Record
+
+
+def withdraw_record(session: Session, asker: Principal, record_id: str, reason: str, archive: Archive) -> Record:
+    """Withdraw a record that counts; withdrawing it again changes nothing.
+
+    Raises
+    ------
+    NotFound
+        when there is none that the asker may see.
+    Conflict
+        when it never counted or counts no longer for another reason.
+    """
+    found = queries.record(session, asker, record_id)
+    if found.pump_id is None:
+        raise Conflict(f"record {record_id} is {found.status}: only an analysed record can be withdrawn")
+    pump = session.scalars(select(Pump).where(Pump.id == found.pump_id).with_for_update()).one()
+    session.refresh(found)
+    if found.status == WITHDRAWN:
+        return found
+    if found.status != ANALYSED:
+        raise Conflict(f"record {record_id} is {found.status}: only an analysed record can be withdrawn")
+    found.status, found.ended_at = WITHDRAWN, datetime.now(UTC)
+    found.withdrawal = {"reason": reason, "author": asker.owner}
+    session.flush()
+    refold(session, pump, archive, Cause("record_withdrawn", record_id))
+    return found

@@ -1,0 +1,1 @@
+"""What an operator says about its fleet: pumps, aircraft, installations, maintenance, findings."""

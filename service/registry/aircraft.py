@@ -1,0 +1,145 @@
+"""Aircraft: fluid, circuit and sensors, with every version kept."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+from pydantic import Field, field_serializer
+from sqlalchemy import Select, or_, select, tuple_
+from sqlalchemy.orm import Session
+
+from service.errors import Conflict, Fault, Invalid
+from service.monitoring.archive import Archive
+from service.monitoring.knowledge import registry_values
+from service.monitoring.refold import Cause, refold
+from service.monitoring.setting import DEFAULT_CIRCUIT
+from service.registry.fields import Body, Instant, Name
+from service.registry.locks import lock_aircraft, locked_pumps
+from service.security import Principal
+from service.tables import Aircraft, Installation, Pump, Record, RegistryVersion
+
+
+class SensorEntry(Body):
+    """A pressure sensor as fitted; ``since`` is when, in event time."""
+
+    channel: Literal["discharge_pressure_bar", "case_pressure_bar", "reservoir_pressure_bar"]
+    identity: Name
+    full_scale_bar: float = Field(gt=0.0, le=2000.0)
+    accuracy_percent_full_scale: float | None = Field(default=None, gt=0.0, le=10.0)
+    since: Instant
+
+    @field_serializer("since")
+    def _utc(self, since: datetime) -> str:
+        return since.isoformat()
+
+
+class AircraftChange(Body):
+    """Fields of an aircraft to set; those left out stay as they are. ``sensors`` replaces the whole list."""
+
+    aircraft_type: Name | None = None
+    fluid: Name | None = None
+    circuit: Literal["shared_return", "separate_drain"] = DEFAULT_CIRCUIT  # type: ignore[assignment]
+    sensors: list[SensorEntry] = Field(default_factory=list, max_length=200)
+    confirmed: bool = True
+
+
+class NewAircraft(AircraftChange):
+    """A new aircraft; ``aircraft`` is its tail or serial number."""
+
+    aircraft: Name
+    operator: Name | None = None
+
+
+_DEFAULTS: dict[str, Any] = {
+    "aircraft_type": None,
+    "fluid": None,
+    "circuit": DEFAULT_CIRCUIT,
+    "sensors": [],
+    "confirmed": False,
+}
+
+
+def listed(principal: Principal, after: Sequence[Any] | None = None) -> Select[Aircraft]:
+    """Aircraft by operator and name."""
+    query = select(Aircraft)
+    if principal.operator is not None:
+        query = query.where(Aircraft.operator == principal.operator)
+    if after is not None:
+        query = query.where(tuple_(Aircraft.operator, Aircraft.name) > tuple(after))
+    return query.order_by(Aircraft.operator, Aircraft.name)
+
+
+def document(session: Session, row: Aircraft) -> dict[str, Any]:
+    """An aircraft in the shape of the API."""
+    values = _DEFAULTS | registry_values(session, row.operator, "aircraft", row.name)
+    return {"aircraft": row.name, "operator": row.operator, **values, "created_at": row.created_at}
+
+
+def create(session: Session, operator: str, body: NewAircraft, author: str) -> Aircraft:
+    """Register an aircraft.
+
+    Raises
+    ------
+    Conflict
+        when the operator has it already.
+    """
+    check_sensors(body.sensors)
+    if session.scalar(select(Aircraft.id).where(Aircraft.operator == operator, Aircraft.name == body.aircraft)):
+        raise Conflict(f"aircraft {body.aircraft} is registered already: change it with PATCH")
+    row = Aircraft(operator=operator, name=body.aircraft, created_at=datetime.now(UTC))
+    session.add(row)
+    session.flush()
+    _append(session, row, _DEFAULTS | body.model_dump(exclude={"aircraft", "operator"}), author)
+    return row
+
+
+def change(session: Session, row: Aircraft, body: AircraftChange, author: str, archive: Archive) -> None:
+    """Change an aircraft and fold anew every pump that was ever on it, in this one transaction."""
+    check_sensors(body.sensors)
+    locked_pumps(session, _pumps_on(session, row))
+    lock_aircraft(session, row)
+    held = _DEFAULTS | registry_values(session, row.operator, "aircraft", row.name)
+    values = held | {"confirmed": True} | body.model_dump(include=body.model_fields_set)
+    if values == held:
+        return
+    _append(session, row, values, author)
+    if any(values[name] != held[name] for name in ("fluid", "circuit", "sensors")):
+        for pump in locked_pumps(session, _pumps_on(session, row)):
+            refold(session, pump, archive, Cause("aircraft_changed", row.name))
+
+
+def check_sensors(sensors: Sequence[SensorEntry]) -> None:
+    """Refuse two sensors of one channel from the same instant on."""
+    seen: set[tuple[str, datetime]] = set()
+    faults = []
+    for i, sensor in enumerate(sensors):
+        if (sensor.channel, sensor.since) in seen:
+            faults.append(Fault(f"body.sensors.{i}", f"is the second one of {sensor.channel} since {sensor.since}"))
+        seen.add((sensor.channel, sensor.since))
+    if faults:
+        raise Invalid("a channel has one sensor at a time; nothing was changed", faults)
+
+
+def _append(session: Session, row: Aircraft, values: dict[str, Any], author: str) -> None:
+    session.add(
+        RegistryVersion(
+            operator=row.operator,
+            kind="aircraft",
+            name=row.name,
+            values=values,
+            recorded_at=datetime.now(UTC),
+            author=author,
+        )
+    )
+    session.flush()
+
+
+def _pumps_on(session: Session, row: Aircraft) -> list[int]:
+    """Pumps that were ever on an aircraft, by their records or by an entry."""
+    recorded = select(Record.pump_id).where(Record.aircraft == row.name, Record.operator == row.operator)
+    entered = select(Installation.pump_id).where(Installation.aircraft == row.name)
+    query = select(Pump.id).where(
+        Pump.operator == row.operator,
+        or_(Pump.id.in_(recorded.where(Record.pump_id.is_not(None))), Pump.id.in_(entered)),
+    )
+    return list(session.scalars(query))

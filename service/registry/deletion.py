@@ -1,0 +1,128 @@
+"""Deleting an operator whole: rows in one transaction, then raw bytes, then a receipt that proves it."""
+
+import hashlib
+import json
+import uuid
+from datetime import UTC, datetime
+from typing import Any, cast
+
+from sqlalchemy import CursorResult, delete, select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from service.database import Database
+from service.errors import Conflict, Unavailable
+from service.raw_store import RawStore
+from service.registry.ownership import owned_tables, rows_of
+from service.tables import Deletion, Record
+
+
+def delete_operator(database: Database, raw_store: RawStore, operator: str, author: str, reason: str) -> Deletion:
+    """Delete everything of an operator and give the receipt.
+
+    Raises
+    ------
+    Conflict
+        when an upload arrived in the middle; nothing is deleted then.
+
+    Notes
+    -----
+    A crash after the rows are gone leaves the deletion unfinished; ``finish_deletions`` ends it at the next start.
+    """
+    try:
+        with database.writing() as session:
+            row = _delete_rows(session, operator, author, reason)
+    except IntegrityError:
+        raise Conflict(f"operator {operator} sent something at this moment: nothing was deleted, repeat") from None
+    return _finish(database, raw_store, row.id)
+
+
+def finish_deletions(database: Database, raw_store: RawStore) -> None:
+    """End the deletions that a crash interrupted."""
+    with database.reading() as session:
+        ids = list(session.scalars(select(Deletion.id).where(Deletion.finished_at.is_(None))))
+    for deletion_id in ids:
+        _finish(database, raw_store, deletion_id)
+
+
+def document(row: Deletion) -> dict[str, Any]:
+    """A deletion in the shape of the API; ``receipt`` is empty until it is finished."""
+    return {
+        "id": row.id,
+        "operator": row.deleted_operator,
+        "author": row.author,
+        "reason": row.reason,
+        "started_at": row.started_at,
+        "finished_at": row.finished_at,
+        "receipt": row.receipt,
+    }
+
+
+def receipt_hash(receipt: dict[str, Any]) -> str:
+    """SHA-256 of a receipt without its own ``sha256``, as canonical JSON."""
+    bare = {key: value for key, value in receipt.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(bare, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _delete_rows(session: Session, operator: str, author: str, reason: str) -> Deletion:
+    digests = sorted(set(session.scalars(select(Record.content_hash).where(Record.operator == operator))))
+    counts = {}
+    for name, table in reversed(owned_tables().items()):
+        gone = cast("CursorResult[Any]", session.execute(delete(table).where(rows_of(table, operator))))
+        counts[name] = gone.rowcount
+    row = Deletion(
+        id=uuid.uuid4().hex,
+        deleted_operator=operator,
+        author=author,
+        reason=reason,
+        started_at=datetime.now(UTC),
+        finished_at=None,
+        pending={"digests": digests, "rows": counts},
+        receipt={},
+    )
+    session.add(row)
+    session.flush()
+    return row
+
+
+def _finish(database: Database, raw_store: RawStore, deletion_id: str) -> Deletion:
+    with database.reading() as session:
+        row = session.get_one(Deletion, deletion_id)
+    removed, shared = [], []
+    for digest in row.pending["digests"]:
+        if _is_needed(database, digest):
+            shared.append(digest)
+            continue
+        _remove(database, raw_store, digest)
+        removed.append(digest)
+    receipt: dict[str, Any] = {
+        "operator": row.deleted_operator,
+        "reason": row.reason,
+        "author": row.author,
+        "deleted_at": datetime.now(UTC).isoformat(),
+        "rows": row.pending["rows"],
+        "raw_files_removed": removed,
+        "raw_files_of_others": len(shared),
+    }
+    receipt["sha256"] = receipt_hash(receipt)
+    with database.writing() as session:
+        row = session.get_one(Deletion, deletion_id)
+        row.finished_at, row.receipt, row.pending = datetime.now(UTC), receipt, {}
+    return row
+
+
+def _remove(database: Database, raw_store: RawStore, digest: str) -> None:
+    """Remove raw bytes; give them back if another operator sent the same ones meanwhile."""
+    try:
+        content = raw_store.get(digest)
+    except Unavailable:
+        raw_store.remove(digest)
+        return
+    raw_store.remove(digest)
+    if _is_needed(database, digest):
+        raw_store.put(content)
+
+
+def _is_needed(database: Database, digest: str) -> bool:
+    with database.reading() as session:
+        return session.scalar(select(Record.id).where(Record.content_hash == digest).limit(1)) is not None

@@ -1,0 +1,81 @@
+"""Everything that belongs to an operator as one ZIP: rows as JSON lines, raw bytes as they came."""
+
+import io
+import json
+import zipfile
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Table, select
+
+from service.database import Database
+from service.errors import Unavailable
+from service.raw_store import RawStore
+from service.registry.ownership import owned_tables, rows_of
+
+_SECRET_COLUMNS = frozenset({"key_hash", "password_hash", "token_hash", "secret"})
+"""Never leave the database, not even for their owner."""
+_BATCH = 200
+
+
+class _Drain(io.RawIOBase):
+    """What the ZIP writer has written since it was last asked; it cannot seek, so the ZIP is streamed."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self._parts.append(bytes(data))
+        return len(data)
+
+    def taken(self) -> bytes:
+        """Bytes since the last call."""
+        found = b"".join(self._parts)
+        self._parts.clear()
+        return found
+
+
+def export_stream(database: Database, raw_store: RawStore, operator: str) -> Iterator[bytes]:
+    """Bytes of the ZIP, one row batch and one raw file in memory at a time.
+
+    ``tables/<name>.jsonl`` holds one row a line, ``raw/<sha256>`` the uploads. Raw bytes that are no longer there
+    (retention, damage) are listed in ``missing.txt``.
+    """
+    drain = _Drain()
+    digests: dict[str, None] = {}
+    missing: list[str] = []
+    with zipfile.ZipFile(drain, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, table in owned_tables().items():
+            with archive.open(f"tables/{name}.jsonl", "w", force_zip64=True) as file:
+                for row in _rows(database, table, operator):
+                    if name == "records":
+                        digests[row["content_hash"]] = None
+                    file.write(json.dumps(row, default=_as_json).encode() + b"\n")
+                    yield drain.taken()
+        for digest in digests:
+            try:
+                content = raw_store.get(digest)
+            except Unavailable as problem:
+                missing.append(f"{digest}: {problem.detail}")
+                continue
+            archive.writestr(f"raw/{digest}", content)
+            yield drain.taken()
+        if missing:
+            archive.writestr("missing.txt", "\n".join(missing) + "\n")
+    yield drain.taken()
+
+
+def _rows(database: Database, table: Table, operator: str) -> Iterator[dict[str, Any]]:
+    columns = [column for column in table.c if column.name not in _SECRET_COLUMNS]
+    query = select(*columns).where(rows_of(table, operator)).order_by(*table.primary_key)
+    with database.reading() as session:
+        for row in session.execute(query.execution_options(yield_per=_BATCH)):
+            yield dict(row._mapping)
+
+
+def _as_json(value: Any) -> Any:
+    return value.astimezone(UTC).isoformat() if isinstance(value, datetime) else str(value)

@@ -1,0 +1,39 @@
+"""Checked pieces that request bodies of the registry are made of."""
+
+from datetime import UTC, datetime
+from typing import Annotated
+
+from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, StringConstraints
+
+
+def _sensible(instant: datetime) -> datetime:
+    try:
+        instant = instant.astimezone(UTC)
+    except OverflowError:
+        raise ValueError("lies outside the calendar") from None
+    if not 1970 <= instant.year < 2200:
+        raise ValueError("lies outside the years 1970 to 2199")
+    return instant
+
+
+def _printable(text: str) -> str:
+    if any(ord(c) < 32 and c not in "\n\t" for c in text):
+        raise ValueError("holds control characters")
+    return text
+
+
+Instant = Annotated[AwareDatetime, AfterValidator(_sensible)]
+"""An instant with a time zone, in UTC."""
+Name = Annotated[
+    str,
+    StringConstraints(strip_whitespace=True, min_length=1, max_length=200, pattern=r"^[^\x00-\x1f]+$"),
+]
+"""A serial number, tail number, position …"""
+Note = Annotated[str, StringConstraints(strip_whitespace=True, max_length=2000), AfterValidator(_printable)]
+Reason = Annotated[Note, StringConstraints(min_length=1)]
+
+
+class Body(BaseModel):
+    """A request body; unknown fields are refused by name."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)

@@ -1,0 +1,174 @@
+"""Installations: entered as intervals without overlap, inferred from the records where nobody entered any."""
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Any
+
+from pydantic import Field
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service import queries
+from service.errors import Conflict, Fault, Invalid
+from service.monitoring.archive import Archive
+from service.monitoring.knowledge import entries
+from service.monitoring.refold import Cause, refold
+from service.registry.arrival import known_aircraft
+from service.registry.entries import add, correct, entry, withdraw
+from service.registry.fields import Body, Instant, Name
+from service.tables import Installation, Pump
+
+CHANGED = "installation_changed"
+
+
+class NewInstallation(Body):
+    """Where a pump sits: from ``from`` on, up to ``to`` (open-ended without)."""
+
+    aircraft: Name
+    position: Name
+    start: Instant = Field(alias="from")
+    end: Instant | None = Field(default=None, alias="to")
+
+
+class InstallationChange(Body):
+    """Fields of an installation to set; ``to`` null opens it again."""
+
+    aircraft: Name | None = None
+    position: Name | None = None
+    start: Instant | None = Field(default=None, alias="from")
+    end: Instant | None = Field(default=None, alias="to")
+
+
+def create(session: Session, pump: Pump, body: NewInstallation, author: str, archive: Archive) -> Installation:
+    """Enter an installation of a locked pump and fold it anew."""
+    row = entered(session, pump, body, author)
+    refold(session, pump, archive, Cause(CHANGED, row.id))
+    return row
+
+
+def entered(session: Session, pump: Pump, body: NewInstallation, author: str) -> Installation:
+    """Enter an installation of a locked pump without folding it.
+
+    Raises
+    ------
+    Conflict
+        when it overlaps another one of the pump or at the position; the answer names it.
+    Invalid
+        when it ends before it starts.
+    """
+    return add(session, Installation, pump, author, _checked(session, pump, body, None))
+
+
+def change(
+    session: Session, pump: Pump, entry_id: str, body: InstallationChange, author: str, archive: Archive
+) -> Installation:
+    """Correct an installation of a locked pump and fold it anew; raises like ``entered``."""
+    row = entry(session, Installation, pump, entry_id)
+    wanted = NewInstallation(
+        aircraft=body.aircraft or row.aircraft,
+        position=body.position or row.position,
+        **{
+            "from": body.start or row.installed_at,
+            "to": body.end if "end" in body.model_fields_set else row.removed_at,
+        },
+    )
+    corrected = correct(session, row, pump, author, _checked(session, pump, wanted, row))
+    refold(session, pump, archive, Cause(CHANGED, entry_id))
+    return corrected
+
+
+def remove(session: Session, pump: Pump, entry_id: str, archive: Archive) -> None:
+    """Withdraw an installation of a locked pump and fold it anew."""
+    withdraw(session, entry(session, Installation, pump, entry_id))
+    refold(session, pump, archive, Cause(CHANGED, entry_id))
+
+
+def document(row: Installation) -> dict[str, Any]:
+    """An entered installation in the shape of the API."""
+    return {
+        "id": row.id,
+        "aircraft": row.aircraft,
+        "position": row.position,
+        "from": row.installed_at,
+        "to": row.removed_at,
+        "source": "entry",
+        "recorded_at": row.recorded_at,
+        "author": row.author,
+    }
+
+
+def installations(session: Session, pump: Pump) -> list[dict[str, Any]]:
+    """Entered installations and, outside them, those that the records show; in event order."""
+    entered_ones = entries(session, Installation, pump.id)
+    found = [document(row) for row in entered_ones]
+    run: dict[str, Any] | None = None
+    for assessment in session.scalars(queries.assessments(pump.id)):
+        place, at = (assessment.aircraft, assessment.position), assessment.at
+        covered = any(i.installed_at <= at and (i.removed_at is None or at < i.removed_at) for i in entered_ones)
+        if run is not None and (covered or place != (run["aircraft"], run["position"])):
+            run["to"] = at
+            run = None
+        if covered:
+            continue
+        if run is None:
+            run = {"id": None, "aircraft": place[0], "position": place[1], "from": at, "to": None, "source": "records"}
+            found.append(run)
+    _close(found, [row.installed_at for row in entered_ones])
+    return sorted(found, key=lambda i: i["from"])
+
+
+def current_installation(session: Session, pump: Pump, now: datetime) -> dict[str, Any] | None:
+    """Where a pump sits now: as entered, else where its records last came from; None once it was removed."""
+    found = [i for i in installations(session, pump) if i["from"] <= now]
+    lasting = [i for i in found if i["to"] is None or i["to"] > now]
+    return lasting[-1] if lasting else None
+
+
+def _close(found: Iterable[dict[str, Any]], starts: Iterable[datetime]) -> None:
+    """An inferred installation ends at the latest where an entered one starts."""
+    for inferred in (i for i in found if i["source"] == "records"):
+        later = [s for s in starts if s > inferred["from"]]
+        if later and (inferred["to"] is None or min(later) < inferred["to"]):
+            inferred["to"] = min(later)
+
+
+def _checked(session: Session, pump: Pump, body: NewInstallation, old: Installation | None) -> dict[str, Any]:
+    if body.end is not None and body.end <= body.start:
+        raise Invalid(
+            "an installation ends after it starts; nothing was changed", [Fault("body.to", "is not after from")]
+        )
+    known_aircraft(session, pump.operator, body.aircraft, for_change=True)
+    clashes = (
+        select(Installation, Pump.serial)
+        .join(Pump, Installation.pump_id == Pump.id)
+        .where(
+            Pump.operator == pump.operator,
+            Installation.withdrawn_at.is_(None),
+            (Installation.pump_id == pump.id)
+            | ((Installation.aircraft == body.aircraft) & (Installation.position == body.position)),
+            Installation.removed_at.is_(None) | (Installation.removed_at > body.start),
+        )
+        .order_by(Installation.installed_at)
+    )
+    if body.end is not None:
+        clashes = clashes.where(Installation.installed_at < body.end)
+    if old is not None:
+        clashes = clashes.where(Installation.row_id != old.row_id)
+    faults, others = [], []
+    for other, serial in session.execute(clashes):
+        until = f"to {other.removed_at.isoformat()}" if other.removed_at else "and still there"
+        what = f"pump {serial} on {other.aircraft} {other.position} from {other.installed_at.isoformat()} {until}"
+        faults.append(Fault("body.from", f"overlaps installation {other.id}: {what}"))
+        others.append(other.id)
+    if faults:
+        raise Conflict(
+            "a pump is in one place at a time, and a place holds one pump: end or correct the other one first",
+            faults,
+            extra={"installations": others},
+        )
+    return {
+        "aircraft": body.aircraft,
+        "position": body.position,
+        "installed_at": body.start,
+        "removed_at": body.end,
+    }

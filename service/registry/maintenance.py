@@ -1,0 +1,66 @@
+"""Maintenance: what was done to a pump or around it, and resets what it touches."""
+
+from typing import Any, Literal
+
+from sqlalchemy.orm import Session
+
+from service.monitoring.archive import Archive
+from service.monitoring.refold import Cause, refold
+from service.registry.entries import add, correct, entry, withdraw
+from service.registry.fields import Body, Instant, Note
+from service.tables import MaintenanceEvent, Pump
+
+CHANGED = "maintenance_changed"
+Action = Literal["fluid_changed", "filter_changed", "setting_adjusted", "sensor_replaced"]
+
+
+class NewMaintenance(Body):
+    """What was done, and when."""
+
+    at: Instant
+    action: Action
+    note: Note = ""
+
+
+class MaintenanceChange(Body):
+    """Fields of a maintenance event to set."""
+
+    at: Instant | None = None
+    action: Action | None = None
+    note: Note | None = None
+
+
+def create(session: Session, pump: Pump, body: NewMaintenance, author: str, archive: Archive) -> MaintenanceEvent:
+    """Enter a maintenance event of a locked pump and fold it anew."""
+    row = add(session, MaintenanceEvent, pump, author, body.model_dump())
+    refold(session, pump, archive, Cause(CHANGED, row.id))
+    return row
+
+
+def change(
+    session: Session, pump: Pump, entry_id: str, body: MaintenanceChange, author: str, archive: Archive
+) -> MaintenanceEvent:
+    """Correct a maintenance event of a locked pump and fold it anew."""
+    row = entry(session, MaintenanceEvent, pump, entry_id)
+    values = {"at": row.at, "action": row.action, "note": row.note} | body.model_dump(exclude_none=True)
+    corrected = correct(session, row, pump, author, values)
+    refold(session, pump, archive, Cause(CHANGED, entry_id))
+    return corrected
+
+
+def remove(session: Session, pump: Pump, entry_id: str, archive: Archive) -> None:
+    """Withdraw a maintenance event of a locked pump and fold it anew."""
+    withdraw(session, entry(session, MaintenanceEvent, pump, entry_id))
+    refold(session, pump, archive, Cause(CHANGED, entry_id))
+
+
+def document(row: MaintenanceEvent) -> dict[str, Any]:
+    """A maintenance event in the shape of the API."""
+    return {
+        "id": row.id,
+        "at": row.at,
+        "action": row.action,
+        "note": row.note,
+        "recorded_at": row.recorded_at,
+        "author": row.author,
+    }

@@ -1,0 +1,97 @@
+"""Pumps: registered, confirmed, given another type, with every version kept."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service.errors import Conflict, Fault, Invalid
+from service.ingest.decode import DEFAULT_PUMP_TYPE
+from service.monitoring.archive import Archive
+from service.monitoring.knowledge import registry_values
+from service.monitoring.refold import Cause, refold
+from service.registry.fields import Body, Name
+from service.tables import Pump, RegistryVersion
+from twin.pumps import PUMP_TYPES
+
+
+class NewPump(Body):
+    """A pump to register; an operator's serial number is unique."""
+
+    serial: Name
+    pump_type: Name = DEFAULT_PUMP_TYPE
+    operator: Name | None = None
+
+
+class PumpChange(Body):
+    """Fields of a pump to set; any change confirms it unless it says otherwise."""
+
+    pump_type: Name | None = None
+    confirmed: bool = True
+
+
+def create(session: Session, operator: str, body: NewPump, author: str) -> Pump:
+    """Register a pump.
+
+    Raises
+    ------
+    Conflict
+        when the operator has it already.
+    Invalid
+        when the pump type does not exist.
+    """
+    _check_type(body.pump_type)
+    if session.scalar(select(Pump.id).where(Pump.operator == operator, Pump.serial == body.serial)):
+        raise Conflict(f"pump {body.serial} is registered already: confirm or change it with PATCH")
+    pump = Pump(
+        operator=operator,
+        serial=body.serial,
+        pump_type=body.pump_type,
+        confirmed=True,
+        created_at=datetime.now(UTC),
+    )
+    session.add(pump)
+    _append(session, pump, {"pump_type": body.pump_type, "confirmed": True}, author)
+    return pump
+
+
+def change(session: Session, pump: Pump, body: PumpChange, author: str, archive: Archive) -> None:
+    """Confirm a locked pump or give it another type, which folds it anew.
+
+    Raises
+    ------
+    Invalid
+        when the pump type does not exist.
+    """
+    if body.pump_type is not None:
+        _check_type(body.pump_type)
+    values: dict[str, Any] = {"pump_type": body.pump_type or pump.pump_type, "confirmed": body.confirmed}
+    if values == registry_values(session, pump.operator, "pump", pump.serial):
+        return
+    _append(session, pump, values, author)
+    pump.confirmed = body.confirmed
+    refold(session, pump, archive, Cause("pump_changed", pump.serial))
+
+
+def _check_type(name: str) -> None:
+    if name not in PUMP_TYPES:
+        known = ", ".join(sorted(PUMP_TYPES))
+        raise Invalid(
+            "the pump type does not exist; nothing was changed",
+            [Fault("body.pump_type", f"{name!r} is not known; known: {known}")],
+        )
+
+
+def _append(session: Session, pump: Pump, values: dict[str, Any], author: str) -> None:
+    session.add(
+        RegistryVersion(
+            operator=pump.operator,
+            kind="pump",
+            name=pump.serial,
+            values=values,
+            recorded_at=datetime.now(UTC),
+            author=author,
+        )
+    )
+    session.flush()

@@ -1,0 +1,56 @@
+"""The registry as CSV files."""
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Request
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import run_in_threadpool
+
+from service.context import Asker, ContextOf, archive_of
+from service.errors import TooLarge
+from service.registry.csv_files import Kind, exported, imported
+
+router = APIRouter(prefix="/registry", tags=["registry"])
+
+
+async def _content(request: Request, context: ContextOf) -> bytes:
+    """The body, no more of it than an upload may hold."""
+    limit = context.settings.max_upload_bytes
+    content = bytearray()
+    async for part in request.stream():
+        content += part
+        if len(content) > limit:
+            raise TooLarge(f"the file is larger than {limit} bytes: split it")
+    return bytes(content)
+
+
+@router.get("/{kind}.csv", summary="Registry as CSV", response_class=StreamingResponse)
+def export(kind: Kind, context: ContextOf, asker: Asker) -> StreamingResponse:
+    """Pumps, aircraft or entered installations that this key may see; the same file can be sent back."""
+
+    def lines() -> Iterator[str]:
+        with context.database.reading() as session:
+            yield from exported(session, asker, kind)
+
+    headers = {"Content-Disposition": f'attachment; filename="{kind}.csv"'}
+    return StreamingResponse(lines(), media_type="text/csv; charset=utf-8", headers=headers)
+
+
+@router.post(
+    "/{kind}.csv",
+    summary="Take in a registry file",
+    openapi_extra={"requestBody": {"required": True, "content": {"text/csv": {}}}},
+)
+async def take(
+    kind: Kind, content: Annotated[bytes, Depends(_content)], context: ContextOf, asker: Asker
+) -> dict[str, Any]:
+    """Register and change what the lines say: all of them or, with every fault by line, none."""
+    asker.require("engineer")
+
+    def done() -> dict[str, Any]:
+        with context.database.writing() as session:
+            return asdict(imported(session, asker, kind, content, archive_of(context)))
+
+    return await run_in_threadpool(done)
