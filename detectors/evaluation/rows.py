@@ -33,7 +33,7 @@ class NoFault:
 
     onset: int | None = None
 
-    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:  # noqa: ARG002 - the protocol's
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
         return ()
 
 

@@ -139,6 +139,11 @@ def alarm_records(found: Seen) -> NDArray[np.int64]:
     return result
 
 
+def has_size(found: Seen) -> bool:
+    """Whether the row's fault has a size that runs over the flights."""
+    return bool(np.any(found.outcome.size[found.after] != 0.0))
+
+
 def alarm_sizes(found: Seen) -> Array:
     """True size of the fault at its alarm, without sign; infinite where missed, shape (n_pumps,)."""
     return _at_alarm(found, np.abs(found.outcome.size))
@@ -169,7 +174,7 @@ def _sides(outcome: Outcome) -> NDArray[np.int64]:
 def _detection(found: Seen, seed: int) -> dict[str, Score]:
     sizes, delays = alarm_sizes(found), alarm_delays(found)
     result = {DETECTED: proportion(int(np.isfinite(delays).sum()), len(delays))}
-    if np.any(found.outcome.size[found.after] != 0.0):
+    if has_size(found):
         result |= {SIZE_MEDIAN: _quantile(sizes, 0.5, seed), SIZE_95: _quantile(sizes, 0.95, seed)}
     return result | {DELAY_MEDIAN: _quantile(delays, 0.5, seed), DELAY_95: _quantile(delays, 0.95, seed)}
 
@@ -177,7 +182,8 @@ def _detection(found: Seen, seed: int) -> dict[str, Score]:
 def _quantile(values: Array, level: float, seed: int) -> Score:
     """Quantile over pumps, those that never alarmed behind all others."""
     finite = np.where(np.isfinite(values), values, _OUTSIDE)
-    found = bootstrap(lambda x: float(np.quantile(x, level, method="inverted_cdf")), finite, seed=seed)
+    rank = math.ceil(level * len(finite)) - 1
+    found = bootstrap(lambda x: float(np.sort(x)[rank]), finite, seed=seed)
     ends = (math.inf if v > 0.01 * _OUTSIDE else v for v in (found.value, found.low, found.high))
     return Score(*ends)
 
