@@ -63,6 +63,20 @@ def chosen_rows(names: Iterable[str]) -> tuple[Row, ...]:
     return tuple(r for r in ROWS if not wanted or r.name in wanted or r.name.removesuffix(BURST) in wanted)
 
 
+def sized(
+    rows: Iterable[str], n_pumps: int | None, n_healthy_records: int | None, seed: int, *, quick: bool = False
+) -> Study:
+    """Study of the full size, or of a minute's; a number that is given wins.
+
+    Raises
+    ------
+    StudyFaultsError
+        naming every unknown row.
+    """
+    pumps, records = (8, 1000) if quick else (300, 100_000)
+    return Study(chosen_rows(rows), n_pumps or pumps, n_healthy_records or records, seed)
+
+
 def pumps_in(row: Row, study: Study) -> dict[Reality, int]:
     """Pumps of a row in each reality; realities that get none are left out."""
     if row.by_records:
