@@ -276,6 +276,7 @@ def evaluate(
     from service.evaluation.command import Outputs, available_cores  # noqa: PLC0415 - heavy, and only here
     from service.evaluation.command import evaluate as evaluated  # noqa: PLC0415
     from service.evaluation.plan import StudyFaultsError, sized  # noqa: PLC0415
+    from service.evaluation.report import missed  # noqa: PLC0415
 
     try:
         study = sized(rows or (), pumps, healthy_records, seed, quick=quick)
@@ -288,6 +289,8 @@ def evaluate(
         kept = f"what is judged is kept: the same command goes on from {resume}" if resume else "nothing is kept"
         raise _fail(f"stopped; {kept}", 130) from None
     asked = [f for f in results.findings if f.met is not None]
+    for words in missed(results.findings):
+        console.print(f"[red]not met[/] {words}", highlight=False, soft_wrap=True)
     console.print(f"{sum(f.met is True for f in asked)} of {len(asked)} targets met", highlight=False)
     for path in (html, json_):
         if path is not None:

@@ -55,8 +55,8 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
 )
 _SENSING = {False: "windows", True: "with bursts"}
-_RATES = (FALSE_ALARMS,)
-_ERRORS = (CONFIDENCE_ERROR, EACH_ERROR, ROC_AREA)
+_PLAIN: Mapping[str, int] = {FALSE_ALARMS: 2, CONFIDENCE_ERROR: 3, EACH_ERROR: 3, ROC_AREA: 3}
+"""Numbers that are no shares, with their decimals."""
 _HEADLINES = (
     FALSE_ALARMS,
     DETECTED,
@@ -100,29 +100,50 @@ def report_html(results: Results) -> str:
     )
 
 
+def missed(findings: Sequence[Finding]) -> list[str]:
+    """A line for each target that is not met."""
+    lines = []
+    for finding in findings:
+        if finding.met is False:
+            c = _finding_cells(finding)
+            lines.append(f"{c['row']} ({c['sensing']}, {c['scope']}): {c['quantity']} {c['value']}, {c['target']}")
+    return lines
+
+
 def shown(quantity: str, value: float, unit: str = "") -> str:
     """A score in words: shares in percent, sizes in their unit, ``never`` for what was not reached."""
-    if math.isnan(value):
-        return "–"
-    if math.isinf(value):
-        return "never" if quantity not in _RATES else "any"
-    if quantity in _RATES:
-        return f"{value:.2f}"
-    if quantity in _ERRORS:
-        return f"{value:.3f}"
-    if quantity in (SIZE_MEDIAN, SIZE_95):
-        return f"{value:.3g} {unit}".rstrip()
-    if quantity in (DELAY_MEDIAN, DELAY_95):
-        return f"{value:.0f} flights"
-    return f"{100.0 * value:.1f} %"
+    number, words = _number(quantity, value), _unit(quantity, unit)
+    return f"{number} {words}".rstrip() if math.isfinite(value) else number
 
 
 def interval(quantity: str, score: Score, unit: str = "") -> str:
-    """Value with its 95 % interval in words."""
+    """Value with its 95 % interval in words; the unit once."""
     if math.isnan(score.value):
         return "–"
-    low, high = (shown(quantity, v, unit) for v in (score.low, score.high))
+    low, high = (_number(quantity, v) for v in (score.low, score.high))
     return f"{shown(quantity, score.value, unit)} ({low} to {high})"
+
+
+def _number(quantity: str, value: float) -> str:
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "any" if quantity == FALSE_ALARMS else "never"
+    if quantity in (SIZE_MEDIAN, SIZE_95):
+        return f"{value:.3g}"
+    if quantity in (DELAY_MEDIAN, DELAY_95):
+        return f"{value:.0f}"
+    if quantity in _PLAIN:
+        return f"{value:.{_PLAIN[quantity]}f}"
+    return f"{100.0 * value:.1f}"
+
+
+def _unit(quantity: str, unit: str) -> str:
+    if quantity in (SIZE_MEDIAN, SIZE_95):
+        return unit if unit != "-" else ""
+    if quantity in (DELAY_MEDIAN, DELAY_95):
+        return "flights"
+    return "" if quantity in _PLAIN else "%"
 
 
 def _by_fault(rows: Sequence[RowResult]) -> dict[str, dict[str, RowResult]]:
@@ -148,8 +169,7 @@ def _finding_cells(finding: Finding) -> dict[str, str]:
         "quantity": target.quantity,
         "scope": finding.scope,
         "target": ", ".join(bounds),
-        "value": shown(target.quantity, score.value, unit),
-        "interval": f"{shown(target.quantity, score.low, unit)} to {shown(target.quantity, score.high, unit)}",
+        "value": interval(target.quantity, score, unit),
         "kind": kind,
         "verdict": {"met": "met", "missed": "not met", "stated": "not counted"}[kind],
         "note": target.note,
