@@ -33,6 +33,7 @@ COVERED: Mapping[str, str] = {
     name: f"90 % intervals of {name} hold the truth"
     for name in ("pump_leakage_change_lpm", "case_flow_at_reference_lpm")
 }
+_N_DRAWS = 1000
 _OUTSIDE = 1.0e12
 """Stands for a size or a delay that was never reached: sorts behind all others without being infinite."""
 _QUIET = (State.HEALTHY, State.INSUFFICIENT_DATA)
@@ -183,7 +184,7 @@ def _quantile(values: Array, level: float, seed: int) -> Score:
     """Quantile over pumps, those that never alarmed behind all others."""
     finite = np.where(np.isfinite(values), values, _OUTSIDE)
     rank = math.ceil(level * len(finite)) - 1
-    found = bootstrap(lambda x: float(np.sort(x)[rank]), finite, seed=seed)
+    found = bootstrap(lambda x: float(np.sort(x)[rank]), finite, seed=seed, n_draws=_N_DRAWS)
     ends = (math.inf if v > 0.01 * _OUTSIDE else v for v in (found.value, found.low, found.high))
     return Score(*ends)
 
@@ -253,5 +254,9 @@ def _coverage(found: Seen, seed: int) -> dict[str, Score]:
         counts = np.column_stack([inside.sum(axis=1), given.sum(axis=1)]).astype(np.float64)
         if given.any():
             counts = counts[counts[:, 1] > 0]
-            result[COVERED[name]] = bootstrap(lambda x: float(x[:, 0].sum() / x[:, 1].sum()), counts, seed=seed)
+            result[COVERED[name]] = bootstrap(_share, counts, seed=seed, n_draws=_N_DRAWS)
     return result
+
+
+def _share(counts: Array) -> float:
+    return float(counts[:, 0].sum() / counts[:, 1].sum())

@@ -28,7 +28,7 @@ from detectors.verdict import SIDE_OF, Side, State
 Array = NDArray[np.float64]
 
 ALL_REALITIES = "all realities"
-POOLED = "all rows with one right answer"
+POOLED = "rows with one right answer, pooled"
 CONFIDENCE_ERROR, EACH_ERROR = "calibration error, confidence", "calibration error, six probabilities"
 ROC_AREA = "area below the ROC"
 _N_DRAWS = 500

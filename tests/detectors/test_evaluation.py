@@ -7,6 +7,8 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from detectors.evaluation import calibration as calibration_module
+from detectors.evaluation import scoring, summary
 from detectors.evaluation.calibration import Reliability, calibration, calibration_error
 from detectors.evaluation.reality import REALITIES
 from detectors.evaluation.rows import HEALTHY, LEAKS, PLAIN_ROWS, ROWS, Growing, Row, SideBySide, Stepping
@@ -279,7 +281,9 @@ def synthetic(study_row: Row) -> Outcome:
     return found
 
 
-def test_every_target_finds_its_row_and_its_quantity() -> None:
+def test_every_target_finds_its_row_and_its_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (scoring, summary, calibration_module):
+        monkeypatch.setattr(module, "_N_DRAWS", 10)
     healthy = {r.sensing.burst: r for r in ROWS if r.by_records}
     results = []
     for study_row in ROWS:
