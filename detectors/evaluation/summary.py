@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 ALL_REALITIES = "all realities"
 POOLED = "rows with one right answer, pooled"
 CONFIDENCE_ERROR, EACH_ERROR = "calibration error, confidence", "calibration error, six probabilities"
+ALARMED_ERROR = "calibration error, confidence while in alarm"
 ROC_AREA = "area below the ROC"
 _N_DRAWS = 500
 
@@ -164,6 +165,7 @@ def _errors(tables: Sequence[Calibration], seed: int) -> dict[str, Score]:
     return {
         CONFIDENCE_ERROR: calibration_error([t.confidence for t in tables], seed),
         EACH_ERROR: calibration_error([t.each for t in tables], seed),
+        ALARMED_ERROR: calibration_error([t.alarmed for t in tables], seed),
     }
 
 

@@ -1,12 +1,12 @@
 """All numbers of a study as plain values; what is not a number is None."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from detectors.evaluation.calibration import N_BINS, Reliability, mean_shares
+from detectors.evaluation.calibration import N_BINS, Calibration, Reliability, mean_shares
 from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.summary import RowResult, side_confusion
 from detectors.evaluation.targets import NOT_SIMULATED, Finding
@@ -41,10 +41,7 @@ def study_json(results: Results) -> dict[str, Any]:
                 "burst": p.burst,
                 "rows": list(p.rows),
                 "scores": _scores(p.scores),
-                "reliability": {
-                    "confidence": _reliability([c.confidence for c in p.calibrations]),
-                    "each": _reliability([c.each for c in p.calibrations]),
-                },
+                "reliability": _reliabilities(p.calibrations),
                 "confusion": _confusion(results, burst=p.burst),
             }
             for p in results.pools
@@ -78,10 +75,7 @@ def _row(result: RowResult) -> dict[str, Any]:
         "delays": [_number(v) for v in np.sort(result.delays)],
     }
     if result.calibration is not None:
-        entry["reliability"] = {
-            "confidence": _reliability([result.calibration.confidence]),
-            "each": _reliability([result.calibration.each]),
-        }
+        entry["reliability"] = _reliabilities([result.calibration])
     if result.curve is not None:
         false_alarms, detections = thinned(result.curve)
         entry["roc"] = {"false_alarm_rate": false_alarms, "detection_rate": detections}
@@ -106,6 +100,14 @@ def _finding(finding: Finding) -> dict[str, Any]:
 def _confusion(results: Results, *, burst: bool) -> dict[str, dict[str, int]]:
     table: Mapping[Side, Mapping[Side, int]] = side_confusion(results.rows, burst=burst)
     return {truth.value: {side.value: n for side, n in line.items()} for truth, line in table.items()}
+
+
+def _reliabilities(rows: Sequence[Calibration]) -> dict[str, list[dict[str, float | None]]]:
+    return {
+        "confidence": _reliability([c.confidence for c in rows]),
+        "each": _reliability([c.each for c in rows]),
+        "alarmed": _reliability([c.alarmed for c in rows]),
+    }
 
 
 def _reliability(tables: list[Reliability]) -> list[dict[str, float | None]]:

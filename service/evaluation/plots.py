@@ -1,6 +1,7 @@
 """Curves of a study: how large and how late the alarms were, ROC, reliability."""
 
 from collections.abc import Mapping, Sequence
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +34,25 @@ def row_plots(results: Mapping[str, RowResult]) -> list[Plot]:
     return plots
 
 
-def reliability_plot(pools: Sequence[Pooled], *, largest: bool) -> Plot:
-    """Observed share over stated probability, of the largest one of each record or of all six."""
+class Reading(Enum):
+    """Which statements a reliability diagram shows: (attribute of ``Calibration``, title, records)."""
+
+    CONFIDENCE = ("confidence", "Reliability of the largest probability", "Records after the onset")
+    EACH = ("each", "Reliability of all six probabilities", "Records after the onset")
+    ALARMED = ("alarmed", "Reliability of the largest probability in alarm", "Records in alarm")
+
+
+def reliability_plot(pools: Sequence[Pooled], of: Reading) -> Plot:
+    """Observed share over stated probability."""
+    name, title, records = of.value
     ends = np.array([0.0, 1.0])
     curves = [Curve("as stated", ends, ends)]
     for pool in pools:
-        counted, stated, happened = mean_shares([c.confidence if largest else c.each for c in pool.calibrations])
+        counted, stated, happened = mean_shares([getattr(c, name) for c in pool.calibrations])
         used = counted > 0.0
         label = "with bursts" if pool.burst else "windows"
         curves.append(Curve(label, stated[used] / counted[used], happened[used] / counted[used]))
-    title = "Reliability of the largest probability" if largest else "Reliability of all six probabilities"
-    caption = "Below the line the judge was too sure. Records after the onset; every row with the same weight."
+    caption = f"Below the line the judge was too sure. {records}; every row with the same weight."
     return Plot(title, "stated probability", "share that happened", tuple(curves), caption)
 
 

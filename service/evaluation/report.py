@@ -28,6 +28,7 @@ from detectors.evaluation.scoring import (
     first_call,
 )
 from detectors.evaluation.summary import (
+    ALARMED_ERROR,
     ALL_REALITIES,
     CONFIDENCE_ERROR,
     EACH_ERROR,
@@ -39,7 +40,7 @@ from detectors.evaluation.targets import NOT_SIMULATED, Finding
 from detectors.scores import Score
 from detectors.verdict import FAULTS, Side, State
 from service import __version__
-from service.evaluation.plots import reliability_plot, row_plots
+from service.evaluation.plots import Reading, reliability_plot, row_plots
 from service.evaluation.run import Results
 from service.validation.drawing import plot_svg
 from twin.pumps import pump_type
@@ -55,7 +56,7 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
 )
 _SENSING = {False: "windows", True: "with bursts"}
-_PLAIN: Mapping[str, int] = {FALSE_ALARMS: 2, CONFIDENCE_ERROR: 3, EACH_ERROR: 3, ROC_AREA: 3}
+_PLAIN: Mapping[str, int] = {FALSE_ALARMS: 2, CONFIDENCE_ERROR: 3, EACH_ERROR: 3, ALARMED_ERROR: 3, ROC_AREA: 3}
 """Numbers that are no shares, with their decimals."""
 _HEADLINES = (
     FALSE_ALARMS,
@@ -72,6 +73,7 @@ _HEADLINES = (
     ROC_AREA,
     CONFIDENCE_ERROR,
     EACH_ERROR,
+    ALARMED_ERROR,
     *COVERED.values(),
 )
 _BY_REALITY = (FALSE_ALARMS, RIGHT_OR_CANDIDATE, at_end(Side.PUMP), at_end(Side.SYSTEM), SIZE_MEDIAN, DELAY_MEDIAN)
@@ -82,7 +84,7 @@ def report_html(results: Results) -> str:
     """The page: targets, probabilities and sides over all rows, then each row with its numbers and curves."""
     study = results.study
     counted = [f.met for f in results.findings]
-    pooled = [reliability_plot(results.pools, largest=largest) for largest in (True, False)] if results.pools else []
+    pooled = [reliability_plot(results.pools, of) for of in Reading] if results.pools else []
     return _TEMPLATES.get_template("study.html").render(
         version=__version__,
         twin=twin_version(pump_type(study.pump_type)),
@@ -95,6 +97,7 @@ def report_html(results: Results) -> str:
         not_simulated=NOT_SIMULATED,
         sides=[s.value for s in Side],
         confusions=_confusions(results),
+        pooled_scores=_pooled_cells(results),
         pooled_plots=_drawn(pooled, "pooled"),
         sections=[_section(k, name, rows) for k, (name, rows) in enumerate(_by_fault(results.rows).items())],
     )
@@ -187,6 +190,14 @@ def _confusions(results: Results) -> list[dict[str, Any]]:
         if lines:
             tables.append({"title": _SENSING[burst], "lines": lines})
     return tables
+
+
+def _pooled_cells(results: Results) -> list[tuple[str, str, str]]:
+    return [
+        (_SENSING[pool.burst], quantity, interval(quantity, score))
+        for pool in results.pools
+        for quantity, score in pool.scores.items()
+    ]
 
 
 def _section(number: int, name: str, results: Mapping[str, RowResult]) -> dict[str, Any]:

@@ -255,6 +255,11 @@ def test_calibration_of_known_shares() -> None:
     # the same words over a faulty pump: right in no case
     wrong = calibration(seen(row(onset=1), outcome([[N, H, H, H]], healthy=0.8, onset=1)))
     assert calibration_error([wrong.confidence], 1).value == pytest.approx(0.8)
+    # nobody was in alarm, so nothing was stated there; a row of silence has no weight
+    assert math.isnan(calibration_error([found.alarmed], 1).value)
+    loud = calibration(seen(row(onset=1), outcome([[N, P, H, P]], healthy=0.8, onset=1)))
+    assert loud.alarmed.counted.sum() == 2
+    assert calibration_error([found.alarmed, loud.alarmed], 1).value == pytest.approx(0.8)
     # both rows with the same weight: 0.8 stated, half of it happened
     assert calibration_error([found.confidence, wrong.confidence], 1).value == pytest.approx(0.3)
 
