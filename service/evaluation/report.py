@@ -36,7 +36,7 @@ from detectors.evaluation.summary import (
     RowResult,
     side_confusion,
 )
-from detectors.evaluation.targets import NOT_SIMULATED, Finding
+from detectors.evaluation.targets import NOT_SIMULATED, Finding, Target
 from detectors.scores import Score
 from detectors.verdict import FAULTS, Side, State
 from service import __version__
@@ -160,23 +160,25 @@ def _by_fault(rows: Sequence[RowResult]) -> dict[str, dict[str, RowResult]]:
 def _finding_cells(finding: Finding) -> dict[str, str]:
     target, score = finding.target, finding.score
     unit = "L/min" if target.quantity in (SIZE_MEDIAN, SIZE_95) else ""
-    bounds = [
-        f"{word} {shown(target.quantity, end, unit)}"
-        for word, end in (("at least", target.low), ("at most", target.high))
-        if math.isfinite(end)
-    ]
     kind = {True: "met", False: "missed", None: "stated"}[finding.met]
     return {
         "row": target.row,
         "sensing": _SENSING[target.burst],
         "quantity": target.quantity,
         "scope": finding.scope,
-        "target": ", ".join(bounds),
+        "target": _wish(target, unit),
         "value": interval(target.quantity, score, unit),
         "kind": kind,
         "verdict": {"met": "met", "missed": "not met", "stated": "not counted"}[kind],
         "note": target.note,
     }
+
+
+def _wish(target: Target, unit: str) -> str:
+    low, high = shown(target.quantity, target.low, unit), shown(target.quantity, target.high, unit)
+    if math.isinf(target.low):
+        return f"at most {high}"
+    return f"at least {low}" if math.isinf(target.high) else f"{low} to {high}"
 
 
 def _confusions(results: Results) -> list[dict[str, Any]]:
