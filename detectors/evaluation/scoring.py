@@ -103,17 +103,40 @@ def scores(found: Seen, seed: int) -> dict[str, Score]:
     return result | _ending(found) | _calls(found) | _accusations(found) | _coverage(found, seed)
 
 
+@dataclass(frozen=True, slots=True)
+class FalseAlarm:
+    """An episode on a healthy pump: which pump, first flight, records that it lasted, and what it said at its end."""
+
+    pump: int
+    flight: int
+    records: int
+    state: State
+
+
+def false_alarm_episodes(found: Seen) -> list[FalseAlarm]:
+    """Episodes that begin on healthy records."""
+    healthy = _healthy(found)
+    outcome = found.outcome
+    return [
+        FalseAlarm(i, int(outcome.flight[i, first]), last - first + 1, STATES[outcome.state[i, last]])
+        for i, (alarmed, allowed) in enumerate(zip(found.alarmed, healthy, strict=True))
+        for first, last in episodes(alarmed)
+        if allowed[first]
+    ]
+
+
 def false_alarms(found: Seen) -> Score:
     """Episodes that begin on healthy records, per 10,000 of them, with the exact Poisson interval."""
-    healthy = found.judged if found.row.truth is State.HEALTHY else found.judged & ~found.after
-    n, records = 0, int(healthy.sum())
-    for alarmed, allowed in zip(found.alarmed, healthy, strict=True):
-        n += sum(bool(allowed[first]) for first, _ in episodes(alarmed))
+    n, records = len(false_alarm_episodes(found)), int(_healthy(found).sum())
     if not records:
         return Score(math.nan, 0.0, math.inf)
     between = time_between_false_alarms(n, records)
     low = 1.0e4 / between.high if math.isfinite(between.high) else 0.0
     return Score(1.0e4 * n / records, low, 1.0e4 / between.low)
+
+
+def _healthy(found: Seen) -> Truths:
+    return found.judged if found.row.truth is State.HEALTHY else found.judged & ~found.after
 
 
 def confusion(found: Seen) -> dict[Side, int]:

@@ -12,10 +12,12 @@ from detectors.evaluation.reality import Reality
 from detectors.evaluation.rows import Row
 from detectors.evaluation.scoring import (
     COVERED,
+    FalseAlarm,
     Seen,
     alarm_delays,
     alarm_sizes,
     confusion,
+    false_alarm_episodes,
     has_size,
     scores,
     seen,
@@ -66,6 +68,8 @@ class RowResult:
         fault has none.
     calibration
         None where more than one answer is right.
+    false_alarms
+        Episodes on healthy records by reality; pumps are numbered in the order of the reality's chunks.
     curve
         ROC against the healthy pumps of the study over the same flights; None without them.
     """
@@ -77,6 +81,7 @@ class RowResult:
     sizes: Array
     delays: Array
     calibration: Calibration | None
+    false_alarms: Mapping[str, tuple[FalseAlarm, ...]]
     curve: Roc | None
 
 
@@ -119,6 +124,7 @@ def row_result(row: Row, outcomes: Mapping[Reality, Outcome], healthy: Seen | No
         alarm_sizes(whole) if is_faulty and has_size(whole) else np.zeros(0),
         alarm_delays(whole) if is_faulty else np.zeros(0),
         table,
+        {r.name: tuple(false_alarm_episodes(found[r.name])) for r in outcomes},
         curve,
     )
 

@@ -72,6 +72,11 @@ def _row(result: RowResult) -> dict[str, Any]:
         },
         "sides_at_the_end": {side.value: n for side, n in result.confusion.items()},
         "sizes_at_the_alarm": [_number(v) for v in np.sort(result.sizes)],
+        "false_alarms": [
+            {"reality": name, "pump": e.pump, "flight": e.flight, "records": e.records, "state": e.state.value}
+            for name, found in result.false_alarms.items()
+            for e in found
+        ],
         "delays": [_number(v) for v in np.sort(result.delays)],
     }
     if result.calibration is not None:

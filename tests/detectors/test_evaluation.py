@@ -24,11 +24,13 @@ from detectors.evaluation.scoring import (
     RIGHT_SIDE_OR_OPEN,
     SIZE_95,
     SIZE_MEDIAN,
+    FalseAlarm,
     alarm_delays,
     alarm_sizes,
     at_end,
     confusion,
     ever,
+    false_alarm_episodes,
     first_call,
     scores,
     seen,
@@ -154,6 +156,7 @@ def test_false_alarms_are_counted_by_episode_with_the_exact_poisson_interval() -
     assert found.value == pytest.approx(1000.0)
     assert found.low == pytest.approx(0.2422e4 / 20, rel=1e-3)
     assert found.high == pytest.approx(7.2247e4 / 20, rel=1e-3)
+    assert false_alarm_episodes(seen(row(H), healthy)) == [FalseAlarm(0, 3, 2, I), FalseAlarm(0, 6, 1, P)]
     none = scores(seen(row(H), outcome([[H] * 100], onset=999)), 1)[FALSE_ALARMS]
     assert (none.value, none.low) == (0.0, 0.0)
     assert none.high == pytest.approx(3.6889e4 / 100, rel=1e-3)
