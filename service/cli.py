@@ -255,6 +255,48 @@ def validate(
         raise _fail(f"not met: {'; '.join(missed)}")
 
 
+@app.command()
+def evaluate(
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers as JSON", dir_okay=False)] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the page", dir_okay=False)] = None,
+    pumps: Annotated[int | None, typer.Option(min=4, help="Pumps in each row, over all realities [300]")] = None,
+    healthy_records: Annotated[
+        int | None, typer.Option(min=100, help="Healthy records in each reality [100000]")
+    ] = None,
+    rows: Annotated[list[str] | None, typer.Option(help="Only this row; may be repeated")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes [as many as cores]")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another fleet")] = 1,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Folder that keeps what is judged: the same study goes on there", file_okay=False),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A smoke run of about a minute: few pumps")] = False,
+) -> None:
+    """Detection study on simulated fleets that differ from the judge's model."""
+    from service.evaluation.command import Outputs, available_cores  # noqa: PLC0415 - heavy, and only here
+    from service.evaluation.command import evaluate as evaluated  # noqa: PLC0415
+    from service.evaluation.plan import StudyFaultsError, sized  # noqa: PLC0415
+    from service.evaluation.report import missed  # noqa: PLC0415
+
+    try:
+        study = sized(rows or (), pumps, healthy_records, seed, quick=quick)
+        results = evaluated(study, Outputs(json_, html, resume), workers or available_cores(), complaints)
+    except StudyFaultsError as error:
+        raise _fail("\n  ".join(error.faults), 2) from None
+    except (RuntimeError, OSError) as error:
+        raise _fail(str(error)) from None
+    except KeyboardInterrupt:
+        kept = f"what is judged is kept: the same command goes on from {resume}" if resume else "nothing is kept"
+        raise _fail(f"stopped; {kept}", 130) from None
+    asked = [f for f in results.findings if f.met is not None]
+    for words in missed(results.findings):
+        console.print(f"[red]not met[/] {words}", highlight=False, soft_wrap=True)
+    console.print(f"{sum(f.met is True for f in asked)} of {len(asked)} targets met", highlight=False)
+    for path in (html, json_):
+        if path is not None:
+            console.print(f"Written: {path}", highlight=False, soft_wrap=True)
+
+
 @keys_app.command("create")
 def create_key(
     role: Annotated[str, typer.Option(help="viewer, analyst or admin")],
