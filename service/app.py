@@ -18,12 +18,14 @@ import twin.warm_up
 from service import __version__
 from service.context import Context
 from service.dashboard.pages import STATIC, page_router
+from service.dashboard.sign_in import sign_in_router
 from service.database import Database, pending_migration, upgrade
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem
 from service.ingest.decode import Limits
 from service.monitoring.acceptance import Acceptance
+from service.notifications.worker import Postman
 from service.raw_store import RawStore
-from service.routes import fleet, keys, operations, pumps, records, thresholds
+from service.routes import alarms, audit, fleet, keys, operations, pumps, records, thresholds, users, webhooks
 from service.routes import twin as twin_routes
 from service.settings import Settings
 
@@ -43,7 +45,10 @@ def create_app(settings: Settings) -> FastAPI:
         twin.warm_up.warm_up()
         worker = threading.Thread(target=_pick_up, args=(context,), name="pick-up", daemon=True)
         worker.start()
+        postman = Postman(context.database, settings)
+        postman.start()
         yield
+        postman.stop()
         worker.join(timeout=5.0)
         context.database.close()
 
@@ -55,11 +60,12 @@ def create_app(settings: Settings) -> FastAPI:
         responses={"default": {"description": "Problem", "content": {PROBLEM_JSON: {}}}},
     )
     api = APIRouter(prefix=API_PREFIX)
-    for part in (records, pumps, fleet, thresholds, keys, twin_routes):
+    for part in (records, pumps, fleet, alarms, thresholds, keys, users, webhooks, audit, twin_routes):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(operations.router)
     app.include_router(page_router)
+    app.include_router(sign_in_router)
     app.mount("/static", STATIC, name="static")
     app.add_exception_handler(Problem, _on_problem)
     app.add_exception_handler(RequestValidationError, _on_validation)

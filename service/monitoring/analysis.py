@@ -13,6 +13,7 @@ from detectors.reduction import reduce_recording
 from detectors.residuals import window_residuals
 from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
 from detectors.wording import advice
+from service.alarms.ledger import follow
 from service.monitoring.codec import (
     reduction_from_json,
     reduction_to_json,
@@ -84,6 +85,7 @@ def refold(session: Session, pump: Pump) -> None:
         )
         for a in assessments
     )
+    follow(session, pump, thresholds.values)
 
 
 def observation_of(row: Record) -> Observation:

@@ -1,15 +1,16 @@
-"""API keys: made by an admin, shown once."""
+"""API keys: made by an admin, shown once, revoked for good."""
 
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Any
 
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import select
 
+from service import audit
 from service.context import Asker, ContextOf
-from service.errors import Fault, Forbidden, Invalid
-from service.security import Principal, new_key
+from service.errors import Fault, Forbidden, Invalid, NotFound
+from service.security import Principal, Role, new_key
 from service.tables import ApiKey
 
 router = APIRouter(prefix="/keys", tags=["administration"])
@@ -20,7 +21,7 @@ class NewKey(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     owner: str = Field(min_length=1, max_length=200, examples=["hums-office"])
-    role: Literal["viewer", "analyst", "admin"]
+    role: Role
     operator: str | None = Field(default=None, min_length=1, max_length=200)
     expires_at: datetime | None = None
 
@@ -43,7 +44,22 @@ def make(body: NewKey, context: ContextOf, asker: Asker) -> dict[str, Any]:
     _check(body, asker)
     with context.database.writing() as session:
         row, key = new_key(session, body.owner, body.role, body.operator or asker.operator, body.expires_at)
+        details = {"owner": row.owner, "role": row.role, "expires_at": row.expires_at and row.expires_at.isoformat()}
+        audit.note(session, asker, "key.make", f"key/{row.id}", row.operator, details)
         return _shown(row) | {"key": key}
+
+
+@router.delete("/{key_id}", status_code=204, summary="Revoke a key")
+def revoke(key_id: str, context: ContextOf, asker: Asker) -> None:
+    """Revoke a key: it opens nothing any more, and what it did stays in the audit log. Safe to repeat."""
+    asker.require("admin")
+    with context.database.writing() as session:
+        row = session.get(ApiKey, key_id)
+        if row is None or asker.operator not in (None, row.operator):
+            raise NotFound(f"there is no key {key_id}")
+        if row.revoked_at is None:
+            row.revoked_at = datetime.now(UTC)
+            audit.note(session, asker, "key.revoke", f"key/{row.id}", row.operator, {"owner": row.owner})
 
 
 def _check(body: NewKey, asker: Principal) -> None:
@@ -66,4 +82,5 @@ def _shown(row: ApiKey) -> dict[str, Any]:
         "created_at": row.created_at,
         "expires_at": row.expires_at,
         "last_used_at": row.last_used_at,
+        "revoked_at": row.revoked_at,
     }

@@ -11,6 +11,7 @@ from detectors.verdict import TREND_METRICS
 from service import queries
 from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
+from service.instants import check_instants
 from service.monitoring.curve import curve_of, curve_png
 from service.monitoring.trend import trend_of
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -55,7 +56,7 @@ def verdict(
     serial: str, context: ContextOf, asker: Asker, operator: Operator = None, at: datetime | None = None
 ) -> dict[str, Any]:
     """The verdict now, or as of an event time with today's knowledge."""
-    _check_instants(at=at)
+    check_instants(at=at)
     with context.database.reading() as session:
         return queries.verdict(session, queries.pump(session, asker, serial, operator), at)
 
@@ -84,7 +85,7 @@ def trend(
     if metric not in TREND_METRICS:
         known = ", ".join(TREND_METRICS)
         raise Invalid(f"there is no metric {metric!r}", [Fault("query.metric", f"is not one of {known}")])
-    _check_instants(**{"from": since, "to": until})
+    check_instants(**{"from": since, "to": until})
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         items = trend_of(session, row, metric, since, until, points)
@@ -103,7 +104,7 @@ def curve(
     form: Annotated[Literal["json", "svg", "png"], Query(alias="format")] = "json",
 ) -> dict[str, Any] | Response:
     """Reference curve, this pump's points brought to the chosen conditions, and the direction of each fault."""
-    _check_instants(at=at)
+    check_instants(at=at)
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         found = curve_of(session, row, at, speed_rpm, fluid_temperature_degc)
@@ -112,16 +113,6 @@ def curve(
     if form == "png":
         return Response(curve_png(found.curve, f"pump {serial}"), media_type="image/png")
     return found.document
-
-
-def _check_instants(**instants: datetime | None) -> None:
-    faults = [
-        Fault(f"query.{name}", "has no time zone: write Z for UTC")
-        for name, instant in instants.items()
-        if instant is not None and instant.tzinfo is None
-    ]
-    if faults:
-        raise Invalid("an instant needs a time zone", faults)
 
 
 def _pump(session: Session, row: Pump, newest: StoredAssessment | None, n_records: int) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from service import queries
 from service.context import Asker, Context, ContextOf
 from service.errors import Fault, Invalid, TooLarge
 from service.ingest.metadata import KNOWN
+from service.instants import check_instants
 from service.monitoring.acceptance import Upload
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.security import Principal
@@ -74,6 +75,7 @@ def listed(
 ) -> dict[str, Any]:
     """Page through the records that this key may see."""
     query = {"pump": pump, "from": since, "to": until, "status": status, "list": "records"}
+    check_instants(**{"from": since, "to": until})
     after = place_of(query, cursor)
     wanted = queries.records(asker, serial=pump, since=since, until=until, status=status, after=after)
     with context.database.reading() as session:

@@ -1,6 +1,8 @@
 """Tables, the same for SQLite and Postgres. Numbers that queries never look into stay in JSON columns."""
 
-from service.tables.access import ApiKey
+from service.tables.access import ApiKey, FailedSignIn, SignedIn, User
+from service.tables.alarms import Alarm, AlarmAction, Delivery, Message, Webhook
+from service.tables.audit import AuditEntry
 from service.tables.base import Base, UtcDateTime
 from service.tables.records import (
     ANALYSED,
@@ -21,12 +23,21 @@ __all__ = [
     "STORED",
     "SUPERSEDED",
     "WITHDRAWN",
+    "Alarm",
+    "AlarmAction",
     "ApiKey",
+    "AuditEntry",
     "Base",
+    "Delivery",
+    "FailedSignIn",
+    "Message",
     "Pump",
     "Record",
     "Refusal",
+    "SignedIn",
     "StoredAssessment",
     "ThresholdVersion",
+    "User",
     "UtcDateTime",
+    "Webhook",
 ]
