@@ -34,13 +34,14 @@ def _mail(settings: Settings, address: str, message_id: str, payload: Mapping[st
     words = str(payload["type"]).removeprefix("alarm.")
     state = str(alarm["verdict_state"]).replace("_", " ")
     mail = EmailMessage()
-    # serial numbers come from files: no line break of theirs may become a header
-    mail["Subject"] = " ".join(f"[casedrain] pump {alarm['pump_serial']}: {state}, alarm {words}".split())
+    # serial numbers come from files: no line break of theirs may become a header or a line of its own
+    serial = " ".join(str(alarm["pump_serial"]).split())
+    mail["Subject"] = f"[casedrain] pump {serial}: {state}, alarm {words}"
     mail["From"], mail["To"] = settings.mail_from, address
     mail["Date"] = formatdate(localtime=False, usegmt=True)
     mail["Message-ID"] = f"<{message_id}@casedrain>"
     lines = [
-        f"Alarm {words}: pump {alarm['pump_serial']} of operator {alarm['operator']}",
+        f"Alarm {words}: pump {serial} of operator {alarm['operator']}",
         f"Verdict: {state} (side: {alarm['side']}), priority {alarm['priority']}",
         f"Since: {alarm['onset_at']}",
     ]
