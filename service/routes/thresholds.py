@@ -71,7 +71,7 @@ def change(
 ) -> dict[str, Any]:
     """Append a version; the verdicts of the pumps it holds for are folded anew."""
     everybodys = scope in ("fleet", "pump-type")
-    asker.require("admin" if everybodys else "analyst")
+    asker.require("engineer")
     if everybodys and asker.operator is not None:
         raise Forbidden(f"{scope} thresholds hold for every operator; the key of {asker.owner} is one operator's")
     with context.database.writing() as session:

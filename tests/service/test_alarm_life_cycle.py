@@ -1,5 +1,6 @@
 """The life of an alarm as a pure function: what must hold follows from ISA-18.2 and from the rules' own words."""
 
+import itertools
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -159,7 +160,7 @@ def test_laws_of_every_history(letters: str, done: list[Action], on: int, off: i
         (a.onset_at, a.raised_at, a.cleared_at, a.state) for a in bare
     ]
     assert not any(a.acknowledged or a.closed_at or a.shelved_until for a in bare)
-    for before, after in zip(found, found[1:], strict=False):
+    for before, after in itertools.pairwise(found):
         assert before.cleared_at is not None
         assert before.cleared_at < after.onset_at
     for alarm in found:
