@@ -1,5 +1,6 @@
 """What one record says, and the fold over everything that is known of its pump."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -8,10 +9,10 @@ from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from detectors.assessment import assess
-from detectors.observation import History, Observation, Reduction, Window, WindowKind
+from detectors.observation import History, Observation, Window, WindowKind
 from detectors.reduction import reduce_recording
 from detectors.residuals import window_residuals
-from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
+from detectors.verdict import SIDE_OF, UNINFORMED, Assessment, Quality, State, Verdict
 from detectors.wording import advice
 from service.alarms.ledger import follow
 from service.monitoring.codec import (
@@ -68,11 +69,8 @@ def refold(session: Session, pump: Pump) -> None:
     pump follow each other.
     """
     thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
-    rows = session.scalars(select(Record).where(Record.pump_id == pump.id, Record.status == ANALYSED)).all()
-    observations = tuple(observation_of(row) for row in rows)
-    kind, circuit = pump_type(pump.pump_type), circuit_parameters(CIRCUIT)
-    version = twin_version(kind)
-    assessments = assess(History(observations), kind, circuit, thresholds.values)
+    version = twin_version(pump_type(pump.pump_type))
+    assessments = fold(session, pump, thresholds)
     session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
     session.add_all(
         StoredAssessment(
@@ -88,12 +86,21 @@ def refold(session: Session, pump: Pump) -> None:
     follow(session, pump, thresholds.values)
 
 
-def observation_of(row: Record) -> Observation:
+def fold(
+    session: Session, pump: Pump, thresholds: Effective, reductions: Mapping[str, dict[str, Any]] | None = None
+) -> tuple[Assessment, ...]:
+    """Assess a pump's stored history without writing; ``reductions`` by record stand in for the stored ones."""
+    rows = session.scalars(select(Record).where(Record.pump_id == pump.id, Record.status == ANALYSED)).all()
+    observations = tuple(observation_of(row, (reductions or {}).get(row.id)) for row in rows)
+    return assess(History(observations), pump_type(pump.pump_type), circuit_parameters(CIRCUIT), thresholds.values)
+
+
+def observation_of(row: Record, reduction: dict[str, Any] | None = None) -> Observation:
     """What a stored record tells a history."""
     started_at: datetime | None = row.started_at
-    if started_at is None or row.reduction is None:
+    document = row.reduction if reduction is None else reduction
+    if started_at is None or document is None:
         raise RuntimeError(f"record {row.id} counts as analysed without a reduction")
-    reduction: Reduction = reduction_from_json(row.reduction)
     return Observation(
         # the content decides the order of records of the same instant, not the order of their arrival
         record_id=row.id,
@@ -101,7 +108,7 @@ def observation_of(row: Record) -> Observation:
         aircraft=row.aircraft or "",
         position=row.position or "",
         flight_id=row.flight_id or "",
-        reduction=reduction,
+        reduction=reduction_from_json(document),
         flight_hours=row.flight_hours,
         segment=row.segment or None,
     )
