@@ -16,6 +16,8 @@ from starlette.exceptions import HTTPException
 
 import twin.warm_up
 from service import __version__
+from service.api_document.document import openapi_document
+from service.api_document.page import docs_router
 from service.context import Context
 from service.dashboard.pages import STATIC, page_router
 from service.dashboard.sign_in import sign_in_router
@@ -57,8 +59,10 @@ def create_app(settings: Settings) -> FastAPI:
         version=__version__,
         summary="Condition monitoring of hydraulic pumps from case and discharge pressure",
         lifespan=lifespan,
-        responses={"default": {"description": "Problem", "content": {PROBLEM_JSON: {}}}},
+        docs_url=None,
+        redoc_url=None,
     )
+    app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
     api = APIRouter(prefix=API_PREFIX)
     for part in (records, pumps, fleet, alarms, thresholds, keys, users, webhooks, audit, twin_routes):
         api.include_router(part.router)
@@ -66,6 +70,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(operations.router)
     app.include_router(page_router)
     app.include_router(sign_in_router)
+    app.include_router(docs_router)
     app.mount("/static", STATIC, name="static")
     app.add_exception_handler(Problem, _on_problem)
     app.add_exception_handler(RequestValidationError, _on_validation)

@@ -41,7 +41,6 @@ def listed(
 
 def _shown(row: AuditEntry) -> dict[str, Any]:
     return {
-        "id": row.id,
         "at": row.at,
         "actor": row.actor,
         "role": row.role,

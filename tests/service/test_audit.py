@@ -64,11 +64,12 @@ def test_filters_and_pages(guarded: TestClient, root: dict[str, str]) -> None:
     assert items(operator="south") == ["key.make", "record.upload"]
     assert items(**{"from": "2126-01-01T00:00:00Z"}) == []
     assert len(items(to="2126-01-01T00:00:00Z")) == 5
-    seen, cursor = [], None
+    seen: list[str] = []
+    cursor = None
     while True:
         params = {"limit": "2", **({"cursor": cursor} if cursor else {})}
         page = guarded.get(AUDIT, params=params, headers=root).json()
-        seen += [e["id"] for e in page["items"]]
+        seen += [f"{e['at']} {e['subject']}" for e in page["items"]]
         cursor = page["next"]
         if cursor is None:
             break
