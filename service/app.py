@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 
 import twin.warm_up
 from service import __version__
+from service.alarms.ledger import catch_up
 from service.api_document.document import openapi_document
 from service.api_document.page import docs_router
 from service.context import Context
@@ -104,12 +105,16 @@ def opened(settings: Settings) -> Context:
 
 
 def _pick_up(context: Context) -> None:
-    """Analyse what a crash left stored but not analysed."""
+    """Analyse what a crash left stored but not analysed, and raise the alarms of histories older than alarms."""
     for record_id in context.acceptance.pending():
         try:
             context.acceptance.process(record_id)
         except Exception:
             log.exception("record left stored", record_id=record_id)
+    try:
+        catch_up(context.database)
+    except Exception:
+        log.exception("alarms of older histories wait for the pumps' next records")
 
 
 def _problem_response(problem: Problem) -> JSONResponse:

@@ -43,7 +43,7 @@ class Visitor:
             raise Forbidden("the form does not belong to this session: open the page again and repeat")
 
 
-def start_session(session: Session, settings: Settings, *, user: User | None = None, key: ApiKey | None = None) -> str:
+def start_session(session: Session, settings: Settings, *, user_id: str | None, key_id: str | None) -> str:
     """Start a session of a user or of a key; gives the token for the cookie, which is kept as a hash only."""
     token, now = secrets.token_urlsafe(32), datetime.now(UTC)
     session.add(
@@ -51,16 +51,16 @@ def start_session(session: Session, settings: Settings, *, user: User | None = N
             id=uuid.uuid4().hex,
             token_hash=_hash(token),
             csrf_token=secrets.token_urlsafe(32),
-            user_id=user.id if user else None,
-            key_id=key.id if key else None,
+            user_id=user_id,
+            key_id=key_id,
             created_at=now,
             expires_at=now + timedelta(hours=settings.session_hours),
             last_used_at=now,
             revoked_at=None,
         )
     )
-    if user is not None:
-        user.last_signed_in_at = now
+    if user_id is not None:
+        session.execute(update(User).where(User.id == user_id).values(last_signed_in_at=now))
     return token
 
 

@@ -5,13 +5,15 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import exists, select
 from sqlalchemy.orm import Session
 
-from service.alarms.life_cycle import PRIORITIES, Action, Life, Point, lives, rules_of
+from service.alarms.life_cycle import PRIORITIES, QUIET, Action, Life, Point, lives, rules_of
 from service.alarms.reading import shown
+from service.database import Database
 from service.notifications.outbox import Event, announce
 from service.tables import Alarm, AlarmAction, Pump, Record, StoredAssessment
+from service.threshold_layers import effective_thresholds, pump_scopes
 
 
 def follow(session: Session, pump: Pump, thresholds: Mapping[str, float]) -> None:
@@ -40,6 +42,23 @@ def follow(session: Session, pump: Pump, thresholds: Mapping[str, float]) -> Non
             _withdraw(row, alarms, matched, now)
             _announce(session, pump, row, before, now)
     session.flush()
+
+
+def catch_up(database: Database) -> int:
+    """Raise the alarms of pumps whose history was folded before there were alarms; gives how many pumps.
+
+    Safe to repeat: a pump that has alarms is left alone.
+    """
+    faulty = select(StoredAssessment.pump_id).where(StoredAssessment.state.not_in(QUIET)).distinct()
+    without = ~exists().where(Alarm.pump_id == Pump.id)
+    with database.reading() as session:
+        pump_ids = list(session.scalars(select(Pump.id).where(Pump.id.in_(faulty), without).order_by(Pump.id)))
+    for pump_id in pump_ids:
+        with database.writing() as session:
+            pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
+            layers = pump_scopes(pump.operator, pump.serial, pump.pump_type)
+            follow(session, pump, effective_thresholds(session, layers).values)
+    return len(pump_ids)
 
 
 def points_of(session: Session, pump_id: int) -> list[Point]:

@@ -13,8 +13,9 @@ PRIORITIES: tuple[str, ...] = ("low", "medium", "high", "critical")
 """Rising order. Sensors are low, what cannot be told yet is medium, a named fault is high, wear beyond the pump
 type's limit is critical (our choice; ISA-18.2 asks for a few that people can tell apart)."""
 ACKNOWLEDGE, SHELVE, UNSHELVE, CLOSE = "acknowledge", "shelve", "unshelve", "close"
-_QUIET = ("healthy", "insufficient_data")
-_UNNAMED = (*_QUIET, "indeterminate")
+QUIET = ("healthy", "insufficient_data")
+"""States in which nothing is wrong as far as anybody can tell."""
+_UNNAMED = (*QUIET, "indeterminate")
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +133,7 @@ def _episodes(points: Sequence[Point], rules: Rules) -> list[_Episode]:
     calm: set[str] = set()
     beyond = False
     for point in points:
-        faulty = point.state not in _QUIET
+        faulty = point.state not in QUIET
         beyond = _beyond(point, beyond, rules)
         if open_ is None:
             rising = [*rising, point] if faulty else []

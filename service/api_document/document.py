@@ -73,6 +73,30 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("POST", "/users"): (409,),
 }
 """Answers beyond those that follow from a route's shape: 401, 403, 422 and, with a name in its path, 404."""
+_RECORD: dict[str, Any] = {
+    "pump_serial": "P-7",
+    "aircraft": "F-HCAA",
+    "position": "LH",
+    "flight_id": "2026-05-02-1",
+    "started_at": "2026-05-02T07:11:00Z",
+}
+_CHANNELS: dict[str, list[float]] = {
+    "time_s": [0.0, 1.0],
+    "discharge_pressure_bar": [174.1, 174.0],
+    "case_pressure_bar": [0.91, 0.92],
+    "shaft_speed_rpm": [4600.0, 4601.0],
+    "fluid_temperature_degc": [50.1, 50.1],
+}
+_BODIES: Mapping[tuple[str, str], Mapping[str, Any]] = {
+    ("POST", "/records"): {
+        "application/json": {**_RECORD, "channels": _CHANNELS},
+        "text/csv": "".join(f"# {name}: {value}\n" for name, value in _RECORD.items())
+        + ",".join(_CHANNELS)
+        + "\n"
+        + "".join(",".join(f"{v:g}" for v in row) + "\n" for row in zip(*_CHANNELS.values(), strict=True)),
+    }
+}
+"""Bodies that are no JSON document of ours, shortened: a real record lasts minutes."""
 _WITHOUT_FORBIDDEN = ("/twin/", "/thresholds/keys")
 
 
@@ -123,6 +147,8 @@ def _complete(method: str, path: str, operation: dict[str, Any], example: Any) -
             content["example"] = example
     if path.startswith(_API):
         operation["security"] = [{"key": []}]
+    for kind, body in _BODIES.get((method, path.removeprefix(_API.rstrip("/"))), {}).items():
+        operation["requestBody"]["content"].setdefault(kind, {})["example"] = body
     for status in _problems(method, path, "requestBody" in operation or "parameters" in operation):
         responses[str(status)] = _problem_response(status)
 

@@ -43,7 +43,7 @@ def _shown(document: dict[str, Any], method: str, path: str, operation: dict[str
 def _parameter(parameter: dict[str, Any]) -> dict[str, Any]:
     schema = parameter.get("schema", {})
     kinds = [s.get("type") or "" for s in schema.get("anyOf", [schema])]
-    choices = schema.get("enum") or next((s["enum"] for s in schema.get("anyOf", []) if "enum" in s), [])
+    choices: list[str] = schema.get("enum") or next((s["enum"] for s in schema.get("anyOf", []) if "enum" in s), [])
     limits = [f"{word} {schema[key]}" for key, word in (("minimum", "from"), ("maximum", "to")) if key in schema]
     return {
         "name": parameter["name"],

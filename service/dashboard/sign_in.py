@@ -21,6 +21,7 @@ from service.sessions import (
     start_session,
 )
 from service.settings import is_loopback
+from service.tables import User
 from service.users import with_password
 
 sign_in_router = APIRouter(include_in_schema=False)
@@ -49,25 +50,23 @@ def sign_in(
     try:
         with context.database.reading() as session:
             check_pace(session, who, address)
+            user = with_password(session, name, password) if name else None
+            row = key_of(session, key.strip()) if key and not name else None
     except Problem as problem:
-        return _asked(
-            request, int(problem.status), f"{problem.detail[:1].upper()}{problem.detail[1:]}.", problem.headers
-        )
+        words = f"{problem.detail[:1].upper()}{problem.detail[1:]}."
+        return _asked(request, int(problem.status), words, problem.headers)
+    found = user or row
     with context.database.writing() as session:
-        user = with_password(session, name, password) if name else None
-        row = key_of(session, key.strip()) if key and not name else None
-        if user is None and row is None:
+        if found is None:
             note_failure(session, who, address)
-            token = None
         else:
             forget_failures(session, who, address)
-            token = start_session(session, context.settings, user=user, key=row)
-            found = (
-                (user.name, user.role, user.operator) if user else (row.owner, row.role, row.operator) if row else None
-            )
-            if found is not None:
-                audit.note(session, Principal(*found), "session.start", f"user/{found[0]}", found[2])
-    if token is None:
+            user_id, key_id = (found.id, None) if isinstance(found, User) else (None, found.id)
+            token = start_session(session, context.settings, user_id=user_id, key_id=key_id)
+            owner = found.name if isinstance(found, User) else found.owner
+            come = Principal(owner, found.role, found.operator)
+            audit.note(session, come, "session.start", f"user/{owner}", found.operator)
+    if found is None:
         what = "That key is not known, has expired or was revoked." if key else "Name or password is wrong."
         return _asked(request, 401, what)
     response = RedirectResponse("/", status_code=303)

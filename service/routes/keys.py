@@ -19,7 +19,10 @@ router = APIRouter(prefix="/keys", tags=["administration"])
 class NewKey(BaseModel):
     """What a key shall be allowed to do; without ``operator`` it sees every operator."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={"examples": [{"owner": "hums-office", "role": "analyst", "operator": "north"}]},
+    )
     owner: str = Field(min_length=1, max_length=200, examples=["hums-office"])
     role: Role
     operator: str | None = Field(default=None, min_length=1, max_length=200)

@@ -102,7 +102,7 @@ def windows(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
         return {"items": _windows(queries.record(session, asker, record_id)), "next": None}
 
 
-@router.get("/{record_id}/raw", summary="Original bytes of one record")
+@router.get("/{record_id}/raw", summary="Original bytes of one record", response_class=Response)
 def raw(record_id: str, context: ContextOf, asker: Asker) -> Response:
     """The bytes exactly as they were uploaded."""
     with context.database.reading() as session:

@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from sqlalchemy import select
+from sqlalchemy import delete, select
 
+from service.alarms.ledger import catch_up
 from service.demo.fleet import DemoRecord
-from service.tables import AlarmAction, AuditEntry
+from service.tables import Alarm, AlarmAction, AuditEntry
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
 
@@ -207,6 +208,19 @@ class TestHistoryThatChanges:
         write(guarded, "hhh")
         with guarded.app.state.context.database.reading() as session:  # type: ignore[attr-defined]
             assert [a.kind for a in session.scalars(select(AlarmAction))] == ["close"]
+
+
+def test_histories_older_than_alarms_catch_up(database_url: str, tmp_path: Path) -> None:
+    with guarded_client(database_url, tmp_path) as client:
+        write(client, "hhi")
+        write(client, "hhh", serial="P-2")
+        context = client.app.state.context  # type: ignore[attr-defined]
+        with context.database.writing() as session:
+            session.execute(delete(Alarm))
+        assert catch_up(context.database) == 1
+        assert catch_up(context.database) == 0
+        items = client.get(ALARMS, headers=key(client, "viewer")).json()["items"]
+    assert [a["pump_serial"] for a in items] == ["P-1"]
 
 
 def test_a_worn_pump_raises_one_alarm_whatever_the_order(client: TestClient, worn_records: list[DemoRecord]) -> None:
