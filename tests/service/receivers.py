@@ -7,6 +7,9 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
+NEVER = -1
+"""A status that never comes: headers drip in as long as somebody listens."""
+
 
 class Inbox:
     """What arrived, and what to answer."""
@@ -18,6 +21,7 @@ class Inbox:
         self.url = ""
         self.port = 0
         self.arrived = threading.Event()
+        self.closing = threading.Event()
 
 
 @contextmanager
@@ -30,6 +34,14 @@ def webhook_receiver() -> Iterator[Inbox]:
             content = self.rfile.read(int(self.headers["content-length"]))
             inbox.requests.append((self.path, {k.lower(): v for k, v in self.headers.items()}, content))
             status = inbox.statuses.pop(0) if inbox.statuses else 204
+            while status == NEVER and not inbox.closing.wait(0.05):
+                try:
+                    self.wfile.write(b"X-More: 1\r\n" if inbox.arrived.is_set() else b"HTTP/1.1 200 OK\r\n")
+                except OSError:
+                    return
+                inbox.arrived.set()
+            if status == NEVER:
+                return
             self.send_response(status)
             if status in (301, 302, 307):
                 self.send_header("Location", inbox.url)
@@ -46,6 +58,7 @@ def webhook_receiver() -> Iterator[Inbox]:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
         yield inbox
+        inbox.closing.set()
         server.shutdown()
         thread.join()
 

@@ -87,7 +87,7 @@ def test_keys_create_prints_a_key_that_works(tmp_path: Path) -> None:
     assert (found.role, found.operator) == ("analyst", "north")
     wrong = runner.invoke(app, ["keys", "create", "--role", "king"])
     assert wrong.exit_code == 1
-    assert "viewer, analyst, admin" in wrong.output
+    assert "viewer, analyst, engineer, admin" in wrong.output
 
 
 def test_db_upgrade_is_repeatable() -> None:

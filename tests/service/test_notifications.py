@@ -22,7 +22,7 @@ from service.settings import Settings
 from service.tables import Delivery, Message, Webhook
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
-from tests.service.receivers import Inbox, mail_server, webhook_receiver
+from tests.service.receivers import NEVER, Inbox, mail_server, webhook_receiver
 
 HOOKS = "/api/v1/webhooks"
 
@@ -255,6 +255,17 @@ class TestDelivery:
         (item,) = self.deliveries(guarded, admin, made)
         assert (item["status"], item["due_at"]) == ("failed", None)
         assert postman(guarded).turn() == 0
+
+    def test_an_answer_that_drips_in_is_given_up(
+        self, guarded: TestClient, admin: dict[str, str], inbox: Inbox, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(webhook_call, "DEADLINE_S", 0.5)
+        made = hook(guarded, admin, inbox.url)
+        write(guarded, "hi")
+        inbox.statuses = [NEVER]
+        assert postman(guarded).turn() == 1
+        (item,) = self.deliveries(guarded, admin, made)
+        assert (item["status"], item["outcome"]) == ("pending", "no answer within 0.5 s")
 
     def test_gone_ends_the_webhook(self, guarded: TestClient, admin: dict[str, str], inbox: Inbox) -> None:
         hook(guarded, admin, inbox.url)
