@@ -1,15 +1,16 @@
 """API keys: made by an admin, shown once, revoked for good."""
 
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import select
+from sqlalchemy import select, tuple_
 
 from service import audit
 from service.context import Asker, ContextOf
 from service.errors import Fault, Forbidden, Invalid, NotFound
+from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.security import Principal, Role, new_key
 from service.tables import ApiKey
 
@@ -30,14 +31,24 @@ class NewKey(BaseModel):
 
 
 @router.get("", summary="List keys, without the keys themselves")
-def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
     """All keys that this admin may manage."""
     asker.require("admin")
-    query = select(ApiKey).order_by(ApiKey.created_at, ApiKey.id)
+    query = {"list": "keys"}
+    after = place_of(query, cursor)
+    wanted = select(ApiKey).order_by(ApiKey.created_at, ApiKey.id)
     if asker.operator is not None:
-        query = query.where(ApiKey.operator == asker.operator)
+        wanted = wanted.where(ApiKey.operator == asker.operator)
+    if after is not None:
+        wanted = wanted.where(tuple_(ApiKey.created_at, ApiKey.id) > (datetime.fromisoformat(after[0]), after[1]))
     with context.database.reading() as session:
-        return {"items": [_shown(row) for row in session.scalars(query)], "next": None}
+        rows = list(session.scalars(wanted.limit(limit + 1)))
+        return page(rows, limit, query, lambda row: [row.created_at.isoformat(), row.id], _shown)
 
 
 @router.post("", status_code=201, summary="Make a key")

@@ -1,15 +1,16 @@
 """Users of the pages: made and managed by an admin."""
 
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field, SecretStr
 from sqlalchemy import select
 
 from service import audit
 from service.context import Asker, ContextOf
 from service.errors import Forbidden, Invalid
+from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.security import Role
 from service.sessions import end_sessions_of
 from service.tables import User
@@ -47,14 +48,24 @@ class ChangedUser(BaseModel):
 
 
 @router.get("", summary="List users")
-def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
     """The users that this admin may manage."""
     asker.require("admin")
-    query = select(User).order_by(User.name)
+    query = {"list": "users"}
+    after = place_of(query, cursor)
+    wanted = select(User).order_by(User.name)
     if asker.operator is not None:
-        query = query.where(User.operator == asker.operator)
+        wanted = wanted.where(User.operator == asker.operator)
+    if after is not None:
+        wanted = wanted.where(User.name > after[0])
     with context.database.reading() as session:
-        return {"items": [_shown(row) for row in session.scalars(query)], "next": None}
+        rows = list(session.scalars(wanted.limit(limit + 1)))
+        return page(rows, limit, query, lambda row: [row.name], _shown)
 
 
 @router.post("", status_code=201, summary="Make a user")

@@ -6,7 +6,7 @@ from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import select
+from sqlalchemy import select, tuple_
 from sqlalchemy.orm import Session
 
 from service import audit
@@ -38,14 +38,24 @@ class NewWebhook(BaseModel):
 
 
 @router.get("", summary="List webhooks")
-def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
     """The webhooks that this admin may manage, without their secrets."""
     asker.require("admin")
-    query = select(Webhook).order_by(Webhook.created_at, Webhook.id)
+    query = {"list": "webhooks"}
+    after = place_of(query, cursor)
+    wanted = select(Webhook).order_by(Webhook.created_at, Webhook.id)
     if asker.operator is not None:
-        query = query.where(Webhook.operator == asker.operator)
+        wanted = wanted.where(Webhook.operator == asker.operator)
+    if after is not None:
+        wanted = wanted.where(tuple_(Webhook.created_at, Webhook.id) > (datetime.fromisoformat(after[0]), after[1]))
     with context.database.reading() as session:
-        return {"items": [_shown(row) for row in session.scalars(query)], "next": None}
+        rows = list(session.scalars(wanted.limit(limit + 1)))
+        return page(rows, limit, query, lambda row: [row.created_at.isoformat(), row.id], _shown)
 
 
 @router.post("", status_code=201, summary="Add a webhook")

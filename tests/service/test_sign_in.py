@@ -250,3 +250,28 @@ class TestKeys:
         assert "revoked" in answer.json()["detail"]
         actions = [e["action"] for e in guarded.get("/api/v1/audit", headers=admin).json()["items"]]
         assert actions == ["key.revoke", "key.make"]
+
+
+@pytest.mark.parametrize("path", ["keys", "users", "webhooks"])
+def test_lists_are_paged(
+    guarded: TestClient, admin: dict[str, str], monkeypatch: pytest.MonkeyPatch, path: str
+) -> None:
+    monkeypatch.setattr("service.notifications.guard._resolved", lambda *_: ["93.184.215.14"])
+    for i in range(5):
+        make(guarded, admin, f"user-{i}")
+        guarded.post("/api/v1/keys", json={"owner": f"o{i}", "role": "viewer"}, headers=admin)
+        guarded.post("/api/v1/webhooks", json={"url": f"https://hooks.test/{i}"}, headers=admin)
+    url = f"/api/v1/{path}"
+    everything = guarded.get(url, headers=admin).json()
+    assert everything["next"] is None
+    seen: list[Any] = []
+    cursor = None
+    while True:
+        params = {"limit": 2, **({"cursor": cursor} if cursor else {})}
+        page = guarded.get(url, params=params, headers=admin).json()
+        seen += page["items"]
+        cursor = page["next"]
+        if cursor is None:
+            break
+    assert seen == everything["items"]
+    assert len(seen) == (6 if path == "keys" else 5)
