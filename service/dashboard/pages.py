@@ -15,6 +15,7 @@ from starlette.staticfiles import StaticFiles
 from detectors.curve_svg import curve_svg
 from detectors.verdict import FAULTS, TREND_METRICS, State
 from service import __version__, queries
+from service.alarms import reading
 from service.context import Context, context_of, principal, visitor_of
 from service.dashboard.charts import sparkline_svg, trend_svg
 from service.errors import NotFound, Problem, Unauthenticated
@@ -23,6 +24,7 @@ from service.monitoring.curve import curve_of
 from service.monitoring.trend import trend_of
 from service.routes.fleet import fleet
 from service.routes.pumps import shown
+from service.security import Principal
 from service.tables import Pump
 
 _HERE = Path(__file__).resolve().parent
@@ -56,6 +58,7 @@ ESTIMATE_NAMES = {
     "drain_resistance_change_percent": "drain resistance, change",
     "case_flow_at_reference_lpm": "case flow at reference condition",
 }
+_MOST_ALARMS = 20
 _TRENDS = (
     "case_flow_at_reference_lpm",
     "pump_leakage_change_lpm",
@@ -163,10 +166,17 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
             "changes": queries.verdict_changes(session, row)[::-1],
             "curve": Markup(curve_svg(curve_of(session, row, None, None, None).curve, f"pump {serial}")),  # noqa: S704
             "trends": _trends(session, row),
+            "alarms": _alarms(session, asker, row),
             "faults": [State.HEALTHY, *FAULTS],
             "api": f"/api/v1/pumps/{quote(serial, '')}",
         }
     return "pump.html", 200, values
+
+
+def _alarms(session: Session, asker: Principal, row: Pump) -> list[dict[str, Any]]:
+    """The pump's newest alarms as the API shows them."""
+    query = reading.alarms(asker, serial=row.serial, operator=row.operator).limit(_MOST_ALARMS)
+    return [reading.shown(alarm, serial, kind) for alarm, serial, kind in session.execute(query)]
 
 
 def _trends(session: Session, row: Pump) -> list[dict[str, Any]]:

@@ -231,3 +231,8 @@ def test_a_worn_pump_raises_one_alarm_whatever_the_order(client: TestClient, wor
     first = next(c["at"] for c in changes if c["verdict"]["state"] not in ("healthy", "insufficient_data"))
     assert [a["onset_at"] for a in living] == [first]
     assert living[0]["verdict_state"] == changes[-1]["verdict"]["state"]
+    client.post(f"{ALARMS}/{client.get(ALARMS).json()['items'][0]['id']}/acknowledge", json={"reason": "crew <told>"})
+    page = client.get(f"/pumps/{worn_records[0].pump.serial}")
+    assert page.status_code == 200
+    assert "active, acknowledged" in page.text
+    assert "acknowledged by local: crew &lt;told&gt;" in page.text
