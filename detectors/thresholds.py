@@ -41,6 +41,21 @@ KEYS: tuple[ThresholdKey, ...] = (
     ThresholdKey("side_records", "records", 5.0, 1.0, 50.0, "records in a row above that share before it is named"),
     ThresholdKey("candidate_probability", "-", 0.05, 0.001, 0.5, "share from which a fault stays a candidate"),
     ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),
+    ThresholdKey(
+        "alarm_on_delay_flights", "flights", 1.0, 1.0, 20.0, "flights in a row with a fault that raise an alarm"
+    ),
+    ThresholdKey(
+        "alarm_off_delay_flights", "flights", 2.0, 1.0, 50.0, "flights in a row without a fault that clear an alarm"
+    ),
+    ThresholdKey(
+        "alarm_limit_hysteresis_percent",
+        "%",
+        5.0,
+        0.0,
+        50.0,
+        "case flow must fall this far below its limit before an alarm beyond the limit steps down",
+    ),
+    ThresholdKey("alarm_shelving_maximum_h", "h", 168.0, 1.0, 2160.0, "longest time for which an alarm can be shelved"),
     ThresholdKey("sensor_shift_bar", "bar", 0.06, 0.01, 1.0, "shift of the case sensor's zero that is worth a word"),
 )
 _BY_NAME = {key.name: key for key in KEYS}

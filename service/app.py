@@ -18,17 +18,24 @@ from starlette.exceptions import HTTPException
 
 import detectors.warm_up
 from service import __version__
+from service.alarms.ledger import catch_up
+from service.api_document.document import openapi_document
+from service.api_document.page import docs_router
 from service.context import Context
 from service.dashboard.pages import STATIC, page_router
+from service.dashboard.sign_in import sign_in_router
 from service.database import Database, pending_migration, upgrade
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Unavailable
 from service.ingest.decode import Limits
 from service.monitoring.acceptance import Acceptance
+from service.notifications.worker import Postman
 from service.raw_store import RawStore
 from service.registry.deletion import finish_deletions
 from service.registry.operators import expire
 from service.routes import (
     aircraft,
+    alarms,
+    audit,
     fleet,
     history,
     keys,
@@ -41,6 +48,8 @@ from service.routes import (
     thresholds,
     twin_isolability,
     twin_simulation,
+    users,
+    webhooks,
 )
 from service.routes import twin as twin_routes
 from service.settings import Settings
@@ -67,8 +76,11 @@ def create_app(settings: Settings) -> FastAPI:
         keeper = threading.Thread(target=_keep_house, args=(context, stopped), name="keep-house", daemon=True)
         for thread in (worker, keeper):
             thread.start()
+        postman = Postman(context.database, settings)
+        postman.start()
         yield
         stopped.set()
+        postman.stop()
         for thread in (worker, keeper):
             thread.join(timeout=5.0)
         context.database.close()
@@ -78,8 +90,10 @@ def create_app(settings: Settings) -> FastAPI:
         version=__version__,
         summary="Condition monitoring of hydraulic pumps from case and discharge pressure",
         lifespan=lifespan,
-        responses={"default": {"description": "Problem", "content": {PROBLEM_JSON: {}}}},
+        docs_url=None,
+        redoc_url=None,
     )
+    app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
     api = APIRouter(prefix=API_PREFIX)
     for part in (
         records,
@@ -90,8 +104,12 @@ def create_app(settings: Settings) -> FastAPI:
         registry_files,
         operators,
         fleet,
+        alarms,
         thresholds,
         keys,
+        users,
+        webhooks,
+        audit,
         twin_routes,
         twin_isolability,
         twin_simulation,
@@ -100,6 +118,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(api)
     app.include_router(operations.router)
     app.include_router(page_router)
+    app.include_router(sign_in_router)
+    app.include_router(docs_router)
     app.mount("/static", STATIC, name="static")
     app.add_exception_handler(Problem, _on_problem)
     app.add_exception_handler(RequestValidationError, _on_validation)
@@ -135,12 +155,16 @@ def opened(settings: Settings) -> Context:
 
 
 def _pick_up(context: Context) -> None:
-    """Analyse what a crash left stored but not analysed."""
+    """Analyse what a crash left stored but not analysed, and raise the alarms of histories older than alarms."""
     for record_id in context.acceptance.pending():
         try:
             context.acceptance.process(record_id)
         except Exception:
             log.exception("record left stored", record_id=record_id)
+    try:
+        catch_up(context.database)
+    except Exception:
+        log.exception("alarms of older histories wait for the pumps' next records")
 
 
 def _keep_house(context: Context, stopped: threading.Event) -> None:

@@ -25,8 +25,10 @@ from service.settings import Settings
 
 app = typer.Typer(no_args_is_help=True, help="Condition monitoring of hydraulic pumps.", pretty_exceptions_enable=False)
 keys_app = typer.Typer(no_args_is_help=True, help="API keys.")
+users_app = typer.Typer(no_args_is_help=True, help="Users of the pages.")
 db_app = typer.Typer(no_args_is_help=True, help="The database's schema.")
 app.add_typer(keys_app, name="keys")
+app.add_typer(users_app, name="users")
 app.add_typer(db_app, name="db")
 console = Console()
 complaints = Console(stderr=True)
@@ -293,9 +295,51 @@ def isolability(
             path.write_text(text(), encoding="utf-8")
 
 
+@app.command()
+def evaluate(
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers as JSON", dir_okay=False)] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the page", dir_okay=False)] = None,
+    pumps: Annotated[int | None, typer.Option(min=4, help="Pumps in each row, over all realities [300]")] = None,
+    healthy_records: Annotated[
+        int | None, typer.Option(min=100, help="Healthy records in each reality [100000]")
+    ] = None,
+    rows: Annotated[list[str] | None, typer.Option(help="Only this row; may be repeated")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes [as many as cores]")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another fleet")] = 1,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Folder that keeps what is judged: the same study goes on there", file_okay=False),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A smoke run of about a minute: few pumps")] = False,
+) -> None:
+    """Detection study on simulated fleets that differ from the judge's model."""
+    from service.evaluation.command import Outputs, available_cores  # noqa: PLC0415 - heavy, and only here
+    from service.evaluation.command import evaluate as evaluated  # noqa: PLC0415
+    from service.evaluation.plan import StudyFaultsError, sized  # noqa: PLC0415
+    from service.evaluation.report import missed  # noqa: PLC0415
+
+    try:
+        study = sized(rows or (), pumps, healthy_records, seed, quick=quick)
+        results = evaluated(study, Outputs(json_, html, resume), workers or available_cores(), complaints)
+    except StudyFaultsError as error:
+        raise _fail("\n  ".join(error.faults), 2) from None
+    except (RuntimeError, OSError) as error:
+        raise _fail(str(error)) from None
+    except KeyboardInterrupt:
+        kept = f"what is judged is kept: the same command goes on from {resume}" if resume else "nothing is kept"
+        raise _fail(f"stopped; {kept}", 130) from None
+    asked = [f for f in results.findings if f.met is not None]
+    for words in missed(results.findings):
+        console.print(f"[red]not met[/] {words}", highlight=False, soft_wrap=True)
+    console.print(f"{sum(f.met is True for f in asked)} of {len(asked)} targets met", highlight=False)
+    for path in (html, json_):
+        if path is not None:
+            console.print(f"Written: {path}", highlight=False, soft_wrap=True)
+
+
 @keys_app.command("create")
 def create_key(
-    role: Annotated[str, typer.Option(help="viewer, analyst or admin")],
+    role: Annotated[str, typer.Option(help="viewer, analyst, engineer or admin")],
     operator: Annotated[str | None, typer.Option(help="Bind the key to one operator")] = None,
     owner: Annotated[str, typer.Option(help="Who holds the key")] = "command line",
     expires: Annotated[datetime | None, typer.Option(help="When it stops working (UTC)")] = None,
@@ -303,18 +347,53 @@ def create_key(
     """Make an API key and print it once."""
     from datetime import UTC  # noqa: PLC0415
 
-    from service.app import opened  # noqa: PLC0415 - heavy, and only here
-    from service.security import new_key  # noqa: PLC0415
+    from service import audit  # noqa: PLC0415 - heavy, and only here
+    from service.app import opened  # noqa: PLC0415
+    from service.security import AT_THE_MACHINE, new_key  # noqa: PLC0415
 
     try:
         context = opened(Settings())
         with context.database.writing() as session:
-            _, key = new_key(session, owner, role, operator, expires.replace(tzinfo=UTC) if expires else None)
+            row, key = new_key(session, owner, role, operator, expires.replace(tzinfo=UTC) if expires else None)
+            audit.note(session, AT_THE_MACHINE, "key.make", f"key/{row.id}", operator, {"owner": owner, "role": role})
     except (ValueError, RuntimeError) as error:
         raise _fail(str(error)) from None
     context.database.close()
     # plain print: the key must come out unwrapped, alone on its line
     print(key)
+
+
+@users_app.command("create")
+def create_user(
+    name: Annotated[str, typer.Argument(help="Name to sign in with")],
+    role: Annotated[str, typer.Option(help="viewer, analyst, engineer or admin")],
+    password: Annotated[
+        str, typer.Option(prompt=True, confirmation_prompt=True, hide_input=True, envvar="CASEDRAIN_NEW_PASSWORD")
+    ],
+    operator: Annotated[str | None, typer.Option(help="Bind the user to one operator")] = None,
+    email: Annotated[str | None, typer.Option(help="Address for mails")] = None,
+    mail: Annotated[bool, typer.Option("--mail", help="Send mails about alarms there")] = False,
+) -> None:
+    """Make a user of the pages; the password is asked for."""
+    from service import audit  # noqa: PLC0415 - heavy, and only here
+    from service.app import opened  # noqa: PLC0415
+    from service.security import AT_THE_MACHINE  # noqa: PLC0415
+    from service.users import new_user  # noqa: PLC0415
+
+    try:
+        context = opened(Settings())
+    except RuntimeError as error:
+        raise _fail(str(error)) from None
+    try:
+        with context.database.writing() as session:
+            row = new_user(session, name, password, role, operator, email, mail)
+            audit.note(session, AT_THE_MACHINE, "user.make", f"user/{row.name}", operator, {"role": role})
+    except Problem as problem:
+        faults = "".join(f"\n  {f.where}: {f.problem}" for f in problem.errors)
+        raise _fail(f"{problem.detail}{faults}") from None
+    finally:
+        context.database.close()
+    console.print(f"User {name} can sign in now.", highlight=False, markup=False)
 
 
 @db_app.command("upgrade")

@@ -12,9 +12,8 @@ from service.monitoring.acceptance import Acceptance
 from service.monitoring.archive import Archive
 from service.raw_store import RawStore
 from service.security import EVERYBODY, Principal, principal_of, touch_key
+from service.sessions import SESSION_COOKIE, Visitor, find_session
 from service.settings import Settings
-
-SESSION_COOKIE = "casedrain_session"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,18 +38,26 @@ def principal(request: Request) -> Principal:
     Raises
     ------
     Unauthenticated
-        when authentication is on and no valid key came along.
+        when authentication is on and neither a valid key nor, for reading, a living session came along.
     """
     context = context_of(request)
     if not context.settings.auth_is_on:
         return EVERYBODY
     scheme, _, key = request.headers.get("authorization", "").partition(" ")
-    if scheme.lower() != "bearer" or not key.strip():
-        # the cookie serves the pages' own reading only: a foreign page must not write through it
-        key = request.cookies.get(SESSION_COOKIE, "") if request.method in ("GET", "HEAD") else ""
-    if not key.strip():
+    if scheme.lower() == "bearer" and key.strip():
+        return known_principal(context.database, key.strip())
+    # the cookie serves the pages' own reading only: a foreign page must not write through it
+    visitor = visitor_of(request) if request.method in ("GET", "HEAD") else None
+    if visitor is None:
         raise Unauthenticated("send a key: Authorization: Bearer <key>", headers={"WWW-Authenticate": "Bearer"})
-    return known_principal(context.database, key.strip())
+    return visitor.principal
+
+
+def visitor_of(request: Request) -> Visitor | None:
+    """Who is signed in to the pages; None without a living session."""
+    context = context_of(request)
+    token = request.cookies.get(SESSION_COOKIE, "")
+    return find_session(context.database, token, context.settings) if token else None
 
 
 def known_principal(database: Database, key: str) -> Principal:

@@ -5,7 +5,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -21,6 +21,17 @@ class Settings(BaseSettings):
     max_upload_bytes: int = Field(default=64 * 2**20, ge=1024)
     max_inflated_bytes: int = Field(default=512 * 2**20, ge=1024)
     max_rows: int = Field(default=5_000_000, ge=10)
+    max_preview_records: int = Field(default=3000, ge=1)
+    session_hours: float = Field(default=12.0, gt=0.0, le=720.0)
+    session_idle_minutes: float = Field(default=120.0, gt=0.0, le=43_200.0)
+    webhook_allowed_hosts: str = ""
+    public_url: str = ""
+    smtp_host: str = ""
+    smtp_port: int = Field(default=587, ge=1, le=65535)
+    smtp_security: Literal["starttls", "none"] = "starttls"
+    smtp_user: str = ""
+    smtp_password: SecretStr = SecretStr("")
+    mail_from: str = "casedrain@localhost"
 
     @cached_property
     def effective_database_url(self) -> str:
@@ -31,6 +42,11 @@ class Settings(BaseSettings):
     def effective_raw_store_url(self) -> str:
         """URL of the raw-file store: as set, else a folder in the data directory."""
         return self.raw_store_url or str(self.data_dir.resolve() / "raw")
+
+    @cached_property
+    def webhook_hosts(self) -> frozenset[str]:
+        """Hosts on the premises that webhooks may reach, from a list with commas."""
+        return frozenset(h.strip().lower() for h in self.webhook_allowed_hosts.split(",") if h.strip())
 
     @property
     def auth_is_on(self) -> bool:

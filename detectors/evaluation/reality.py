@@ -162,7 +162,7 @@ def fleet(
     return Flights(
         speed,
         temperature,
-        reservoir,
+        rows[..., _column("reservoir_pressure_bar")],
         points.value("discharge_pressure_bar").reshape(shape),
         points.value("case_pressure_bar").reshape(shape),
         case_flow_at_reference(rows, pump, circuit),
@@ -255,6 +255,8 @@ def apply(
         rows[..., _column("control_bleed_lpm")] += size
     elif course.kind == "erosion":
         rows[..., _column("edge_rounding_um")] += size
+    elif course.kind == "reservoir":
+        rows[..., _column("reservoir_pressure_bar")] += size
     else:
         raise ValueError(f"no fault called {course.kind!r}")
     return none, none

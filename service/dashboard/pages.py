@@ -1,11 +1,11 @@
-"""The pages: fleet, pump, sign-in."""
+"""The pages: fleet, pump."""
 
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Form, Request
+from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup, escape
@@ -15,7 +15,8 @@ from starlette.staticfiles import StaticFiles
 from detectors.curve_svg import curve_svg
 from detectors.verdict import FAULTS, TREND_METRICS, State
 from service import __version__, queries
-from service.context import SESSION_COOKIE, Context, context_of, known_principal, principal
+from service.alarms import reading
+from service.context import Context, context_of, principal, visitor_of
 from service.dashboard.charts import sparkline_svg, trend_svg
 from service.errors import NotFound, Problem, Unauthenticated
 from service.monitoring.analysis import thresholds_of
@@ -25,6 +26,7 @@ from service.monitoring.trend import trend_of
 from service.registry.findings import judged_findings, rates
 from service.routes.fleet import fleet
 from service.routes.pumps import shown
+from service.security import Principal
 from service.tables import Pump
 
 _HERE = Path(__file__).resolve().parent
@@ -58,6 +60,7 @@ ESTIMATE_NAMES = {
     "drain_resistance_change_percent": "drain resistance, change",
     "case_flow_at_reference_lpm": "case flow at reference condition",
 }
+_MOST_ALARMS = 20
 _TRENDS = (
     "case_flow_at_reference_lpm",
     "pump_leakage_change_lpm",
@@ -66,7 +69,7 @@ _TRENDS = (
     "system_leakage_change_lpm",
     "drain_resistance_change_percent",
 )
-_SECURITY_HEADERS = {
+SECURITY_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; style-src 'self'; img-src 'self' data:; form-action 'self'; "
     "base-uri 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -111,47 +114,22 @@ def pump_page(request: Request, serial: str, operator: str | None = None) -> Res
     return _page(request, lambda r, c: _pump_body(r, c, serial, operator))
 
 
-@page_router.get("/sign-in", response_class=HTMLResponse)
-def sign_in_page(request: Request) -> Response:
-    """Ask for a key."""
-    return _html("sign_in.html", 200, request=request, failed=False)
-
-
-@page_router.post("/sign-in")
-def sign_in(request: Request, key: str = Form()) -> Response:
-    """Keep a valid key in a session cookie that no script can read and no other site can send."""
-    context = context_of(request)
-    try:
-        known_principal(context.database, key.strip())
-    except Unauthenticated:
-        return _html("sign_in.html", 401, request=request, failed=True)
-    response = RedirectResponse("/", status_code=303)
-    secure = request.url.scheme == "https"
-    response.set_cookie(SESSION_COOKIE, key.strip(), httponly=True, samesite="strict", secure=secure)
-    return response
-
-
-@page_router.post("/sign-out")
-def sign_out() -> Response:
-    """Forget the key."""
-    response = RedirectResponse("/sign-in", status_code=303)
-    response.delete_cookie(SESSION_COOKIE)
-    return response
-
-
 def _page(request: Request, body: Any) -> Response:
     """Render a page; its errors are pages too."""
     try:
-        return _html(*body(request, context_of(request)))
+        return html_page(*body(request, context_of(request)))
     except Unauthenticated:
         return RedirectResponse("/sign-in", status_code=303)
     except Problem as problem:
-        return _html("problem.html", int(problem.status), request=request, problem=problem)
+        return html_page("problem.html", int(problem.status), {"request": request, "problem": problem})
 
 
-def _html(template: str, status: int = 200, values: dict[str, Any] | None = None, **more: Any) -> HTMLResponse:
-    text = _templates.get_template(template).render({**(values or {}), **more})
-    return HTMLResponse(text, status_code=status, headers=_SECURITY_HEADERS)
+def html_page(template: str, status: int, values: dict[str, Any]) -> HTMLResponse:
+    """Render a template under the pages' strict policy; ``values`` hold the ``request``."""
+    context = context_of(values["request"])
+    visitor = visitor_of(values["request"]) if context.settings.auth_is_on else None
+    text = _templates.get_template(template).render({"visitor": visitor, **values})
+    return HTMLResponse(text, status_code=status, headers=SECURITY_HEADERS)
 
 
 def _fleet_body(request: Request, context: Context) -> _Body:
@@ -179,7 +157,6 @@ def _fleet_body(request: Request, context: Context) -> _Body:
             "counts": counts,
             "silent": [p for p in pumps if p["silent"]],
             "agreement": agreement,
-            "auth": context.settings.auth_is_on,
         },
     )
 
@@ -199,11 +176,17 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
             "curve": Markup(curve_svg(curve_of(session, row, None, None, None).curve, f"pump {serial}")),  # noqa: S704
             "forecast": forecast_of(session, row),
             "trends": _trends(session, row),
+            "alarms": _alarms(session, asker, row),
             "faults": [State.HEALTHY, *FAULTS],
             "api": f"/api/v1/pumps/{quote(serial, '')}",
-            "auth": context.settings.auth_is_on,
         }
     return "pump.html", 200, values
+
+
+def _alarms(session: Session, asker: Principal, row: Pump) -> list[dict[str, Any]]:
+    """The pump's newest alarms as the API shows them."""
+    query = reading.alarms(asker, serial=row.serial, operator=row.operator).limit(_MOST_ALARMS)
+    return [reading.shown(alarm, serial, kind) for alarm, serial, kind in session.execute(query)]
 
 
 def _trends(session: Session, row: Pump) -> list[dict[str, Any]]:

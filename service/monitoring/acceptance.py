@@ -13,6 +13,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from service import audit
 from service.database import Database
 from service.errors import Conflict, Fault, Invalid, NotFound, Problem
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord, Limits, decode
@@ -70,7 +71,7 @@ class Acceptance:
         try:
             decoded = self._decoded(upload, operator)
             operator = principal.operator_of(decoded.metadata.operator)
-            return self._store(upload, decoded, operator, request_hash)
+            return self._store(upload, decoded, operator, request_hash, principal)
         except Problem as problem:
             self._refuse(upload, operator, problem)
             raise
@@ -84,9 +85,9 @@ class Acceptance:
             return Accepted(known, known=True)
         if not upload.content:
             self._decoded(upload, operator)  # raises what an empty body deserves
-        return Accepted(*self._keep(upload, operator, request_hash))
+        return Accepted(*self._keep(upload, operator, request_hash, principal))
 
-    def _keep(self, upload: Upload, operator: str, request_hash: str) -> tuple[str, bool]:
+    def _keep(self, upload: Upload, operator: str, request_hash: str, principal: Principal) -> tuple[str, bool]:
         """Keep the bytes and commit a ``stored`` row: its id, and whether another upload was there first."""
         digest = self._raw_store.put(upload.content)
         row = _new_row(upload, operator, digest, request_hash)
@@ -99,6 +100,8 @@ class Acceptance:
                     session.delete(earlier)
                     session.flush()
                 session.add(row)
+                details = {"supersedes": upload.supersedes} if upload.supersedes else {}
+                audit.note(session, principal, "record.upload", f"record/{row.id}", operator, details)
         except IntegrityError:
             return row.id, True
         return row.id, False
@@ -144,14 +147,16 @@ class Acceptance:
             query = select(Record.id).where(Record.request_hash == request_hash, Record.status != REFUSED)
             return session.scalar(query.order_by(Record.received_at).limit(1))
 
-    def _store(self, upload: Upload, decoded: DecodedRecord, operator: str, request_hash: str) -> Accepted:
+    def _store(
+        self, upload: Upload, decoded: DecodedRecord, operator: str, request_hash: str, principal: Principal
+    ) -> Accepted:
         identity = _identity_hash(operator, content_hash(upload.content), decoded)
         with self._database.reading() as session:
             known = session.scalar(select(Record.id).where(Record.identity_hash == identity))
             if known is not None:
                 return Accepted(known, known=True)
             _check_flight(session, decoded, operator, upload.supersedes)
-        record_id, known_now = self._keep(upload, operator, request_hash)
+        record_id, known_now = self._keep(upload, operator, request_hash, principal)
         if known_now:
             return Accepted(record_id, known=True)
         # the bytes are safe from here on; a crash leaves a stored record that the next start analyses

@@ -16,7 +16,7 @@ from service.monitoring.codec import reduction_from_json, reduction_to_json, res
 from service.monitoring.placement import Place
 from service.monitoring.setting import Setting
 from service.tables import Record
-from service.threshold_layers import Effective, effective_thresholds, pump_scopes
+from service.threshold_layers import Candidate, Effective, effective_thresholds, pump_scopes
 from twin.pumps import pump_type
 from twin.recording import Recording
 from twin.version import twin_version
@@ -34,10 +34,15 @@ class RecordAnalysis:
 
 
 def thresholds_of(
-    session: Session, operator: str, serial: str, kind: str, known_at: datetime | None = None
+    session: Session,
+    operator: str,
+    serial: str,
+    kind: str,
+    known_at: datetime | None = None,
+    candidate: Candidate | None = None,
 ) -> Effective:
-    """Effective thresholds of one pump, now or as they were known at an instant."""
-    return effective_thresholds(session, pump_scopes(operator, serial, kind), known_at)
+    """Effective thresholds of one pump, now, as they were known at an instant, or with a candidate for one layer."""
+    return effective_thresholds(session, pump_scopes(operator, serial, kind), known_at, candidate)
 
 
 def analysed(recording: Recording, kind: str, setting: Setting, thresholds: Effective) -> RecordAnalysis:

@@ -26,7 +26,7 @@ from service.tables import (
     Record,
     RegistryVersion,
 )
-from service.threshold_layers import Effective
+from service.threshold_layers import Candidate, Effective
 from twin.pumps import pump_type
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
@@ -47,7 +47,13 @@ class Knowledge:
     anew: Mapping[str, RecordAnalysis]
 
 
-def knowledge(session: Session, pump: Pump, archive: Archive, known_at: datetime | None = None) -> Knowledge:
+def knowledge(
+    session: Session,
+    pump: Pump,
+    archive: Archive,
+    known_at: datetime | None = None,
+    candidate: Candidate | None = None,
+) -> Knowledge:
     """Gather what is known of a pump.
 
     Parameters
@@ -55,10 +61,12 @@ def knowledge(session: Session, pump: Pump, archive: Archive, known_at: datetime
     known_at
         Instant whose knowledge counts; None for now. Records that were superseded or withdrawn later count again,
         and so do entries, thresholds and registry values of that time.
+    candidate
+        Thresholds that stand in for those of one layer; None for the stored ones alone.
     """
     rows = counting_records(session, pump.id, known_at)
     kind, registered = _kind(session, pump, rows, known_at)
-    thresholds = thresholds_of(session, pump.operator, pump.serial, kind, known_at)
+    thresholds = thresholds_of(session, pump.operator, pump.serial, kind, known_at, candidate)
     intervals = installation_intervals(session, pump.id, known_at)
     places, placed, anew = {}, [], {}
     aircraft: dict[str, Mapping[str, Any]] = {}

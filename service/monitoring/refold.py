@@ -1,4 +1,4 @@
-"""Fold a pump anew and store its verdicts, with a note of every past one that changed and why."""
+"""Fold a pump anew and store its verdicts, with a note of every past one that changed; its alarms follow."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
+from service.alarms.ledger import follow
 from service.monitoring.analysis import empty_verdict
 from service.monitoring.archive import Archive
 from service.monitoring.codec import trend_to_json, verdict_to_json
@@ -30,7 +31,7 @@ REPROCESSED = Cause("reprocessed")
 
 
 def refold(session: Session, pump: Pump, archive: Archive, cause: Cause = REPROCESSED) -> None:
-    """Fold the pump's history anew and store an assessment per record.
+    """Fold the pump's history anew, store an assessment per record and bring its alarms in line.
 
     The caller holds the pump's row lock (Postgres) or the write transaction (SQLite), so that two changes of one
     pump follow each other. Records whose thresholds, surroundings or pump type changed are analysed anew.
@@ -65,7 +66,7 @@ def refold(session: Session, pump: Pump, archive: Archive, cause: Cause = REPROC
     )
     after = {a.record_id: (a.at, a.verdict.state.value) for a in assessments}
     session.add_all(_revisions(pump, before, after, cause))
-    session.flush()
+    follow(session, pump, found.thresholds.values)
 
 
 def verdict_known_at(

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service import queries
+from service import audit, queries
 from service.errors import Conflict
 from service.monitoring.archive import Archive
 from service.monitoring.refold import Cause, refold
@@ -34,6 +34,7 @@ def withdraw_record(session: Session, asker: Principal, record_id: str, reason: 
         raise Conflict(f"record {record_id} is {found.status}: only an analysed record can be withdrawn")
     found.status, found.ended_at = WITHDRAWN, datetime.now(UTC)
     found.withdrawal = {"reason": reason, "author": asker.owner}
+    audit.note(session, asker, "record.withdraw", f"record/{record_id}", found.operator, {"reason": reason})
     session.flush()
     refold(session, pump, archive, Cause("record_withdrawn", record_id))
     return found

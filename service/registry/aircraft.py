@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any, Literal
 
-from pydantic import Field, field_serializer
+from pydantic import ConfigDict, Field, field_serializer
 from sqlalchemy import Select, or_, select, tuple_
 from sqlalchemy.orm import Session
 
@@ -36,6 +36,23 @@ class SensorEntry(Body):
 class AircraftChange(Body):
     """Fields of an aircraft to set; those left out stay as they are. ``sensors`` replaces the whole list."""
 
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "fluid": "MIL-PRF-83282",
+                    "sensors": [
+                        {
+                            "channel": "case_pressure_bar",
+                            "identity": "SN 4711",
+                            "full_scale_bar": 5.0,
+                            "since": "2026-05-02T00:00:00Z",
+                        }
+                    ],
+                }
+            ]
+        }
+    )
     aircraft_type: Name | None = None
     fluid: Name | None = None
     circuit: Literal["shared_return", "separate_drain"] = DEFAULT_CIRCUIT  # type: ignore[assignment]
@@ -46,6 +63,9 @@ class AircraftChange(Body):
 class NewAircraft(AircraftChange):
     """A new aircraft; ``aircraft`` is its tail or serial number."""
 
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"aircraft": "F-HCAA", "aircraft_type": "H225", "circuit": "shared_return"}]}
+    )
     aircraft: Name
     operator: Name | None = None
 

@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,7 +11,7 @@ from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service import queries
+from service import audit, queries
 from service.errors import Fault, Invalid, Problem, Undecodable
 from service.monitoring.archive import Archive
 from service.monitoring.refold import Cause, refold
@@ -92,11 +93,12 @@ def imported(session: Session, principal: Principal, kind: Kind, content: bytes,
     """
     lines, faults = _parsed(kind, content)
     apply = _APPLY[kind]
-    counts = {"created": 0, "changed": 0, "unchanged": 0}
+    counts: dict[str, Counter[str]] = {}
     moved: set[int] = set()
     for number, line in lines:
         try:
-            counts[apply(session, principal, line, archive, moved)] += 1
+            outcome = apply(session, principal, line, archive, moved)
+            counts.setdefault(principal.operator_of(line.operator), Counter())[outcome] += 1
         except Problem as problem:
             named = problem.errors or (Fault("", problem.detail),)
             faults += [_located(number, fault.where.removeprefix("body."), fault.problem) for fault in named]
@@ -104,7 +106,11 @@ def imported(session: Session, principal: Principal, kind: Kind, content: bytes,
         raise Invalid(f"the file has {len(faults)} fault(s); nothing was changed", faults)
     for pump in locked_pumps(session, moved):
         refold(session, pump, archive, Cause(installations.CHANGED, "registry import"))
-    return Imported(**counts)
+    for operator, count in counts.items():
+        if count["created"] or count["changed"]:
+            audit.note(session, principal, "registry.import", f"registry/{kind}.csv", operator, count)
+    total = sum(counts.values(), Counter[str]())
+    return Imported(created=total["created"], changed=total["changed"], unchanged=total["unchanged"])
 
 
 def _located(number: int, where: str, problem: str) -> Fault:

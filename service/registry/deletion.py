@@ -10,14 +10,16 @@ from sqlalchemy import CursorResult, delete, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
+from service import audit
 from service.database import Database
 from service.errors import Conflict, Unavailable
 from service.raw_store import RawStore
 from service.registry.ownership import owned_tables, rows_of
+from service.security import Principal
 from service.tables import Deletion, Record
 
 
-def delete_operator(database: Database, raw_store: RawStore, operator: str, author: str, reason: str) -> Deletion:
+def delete_operator(database: Database, raw_store: RawStore, operator: str, asker: Principal, reason: str) -> Deletion:
     """Delete everything of an operator and give the receipt.
 
     Raises
@@ -31,7 +33,7 @@ def delete_operator(database: Database, raw_store: RawStore, operator: str, auth
     """
     try:
         with database.writing() as session:
-            row = _delete_rows(session, operator, author, reason)
+            row = _delete_rows(session, operator, asker, reason)
     except IntegrityError:
         raise Conflict(f"operator {operator} sent something at this moment: nothing was deleted, repeat") from None
     return _finish(database, raw_store, row.id)
@@ -64,7 +66,7 @@ def receipt_hash(receipt: dict[str, Any]) -> str:
     return hashlib.sha256(json.dumps(bare, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
-def _delete_rows(session: Session, operator: str, author: str, reason: str) -> Deletion:
+def _delete_rows(session: Session, operator: str, asker: Principal, reason: str) -> Deletion:
     digests = sorted(set(session.scalars(select(Record.content_hash).where(Record.operator == operator))))
     counts = {}
     for name, table in reversed(owned_tables().items()):
@@ -73,7 +75,7 @@ def _delete_rows(session: Session, operator: str, author: str, reason: str) -> D
     row = Deletion(
         id=uuid.uuid4().hex,
         deleted_operator=operator,
-        author=author,
+        author=asker.owner,
         reason=reason,
         started_at=datetime.now(UTC),
         finished_at=None,
@@ -81,6 +83,8 @@ def _delete_rows(session: Session, operator: str, author: str, reason: str) -> D
         receipt={},
     )
     session.add(row)
+    # the operator's own log goes with its data; this entry stays with those who see everybody
+    audit.note(session, asker, "operator.delete", f"operator/{operator}", None, {"reason": reason, "rows": counts})
     session.flush()
     return row
 

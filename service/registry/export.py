@@ -14,7 +14,7 @@ from service.errors import Unavailable
 from service.raw_store import RawStore
 from service.registry.ownership import owned_tables, rows_of
 
-_SECRET_COLUMNS = frozenset({"key_hash", "password_hash", "token_hash", "secret"})
+_SECRET_COLUMNS = frozenset({"key_hash", "password_hash", "token_hash", "csrf_token", "secret"})
 """Never leave the database, not even for their owner."""
 _BATCH = 200
 

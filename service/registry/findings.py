@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from scipy.stats import binomtest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -32,6 +32,18 @@ _QUIET = (State.HEALTHY.value, State.INSUFFICIENT_DATA.value)
 class NewFinding(Body):
     """What the workshop found; ``at`` is the instant in the pump's life that it speaks of: removal or inspection."""
 
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "at": "2026-06-02T00:00:00Z",
+                    "found": "pump_degradation",
+                    "measured_case_flow_lpm": 1.7,
+                    "removed": True,
+                }
+            ]
+        }
+    )
     at: Instant
     found: Found
     measured_case_flow_lpm: float | None = Field(default=None, ge=0.0, le=100.0)
@@ -42,6 +54,7 @@ class NewFinding(Body):
 class FindingChange(Body):
     """Fields of a finding to set."""
 
+    model_config = ConfigDict(json_schema_extra={"examples": [{"measured_case_flow_lpm": 1.6}]})
     at: Instant | None = None
     found: Found | None = None
     measured_case_flow_lpm: float | None = Field(default=None, ge=0.0, le=100.0)

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Any
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -24,6 +24,9 @@ CHANGED = "installation_changed"
 class NewInstallation(Body):
     """Where a pump sits: from ``from`` on, up to ``to`` (open-ended without)."""
 
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"aircraft": "F-HCAA", "position": "LH", "from": "2026-05-02T00:00:00Z"}]}
+    )
     aircraft: Name
     position: Name
     start: Instant = Field(alias="from")
@@ -33,6 +36,7 @@ class NewInstallation(Body):
 class InstallationChange(Body):
     """Fields of an installation to set; ``to`` null opens it again."""
 
+    model_config = ConfigDict(json_schema_extra={"examples": [{"to": "2026-06-02T00:00:00Z"}]})
     aircraft: Name | None = None
     position: Name | None = None
     start: Instant | None = Field(default=None, alias="from")

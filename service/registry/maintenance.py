@@ -2,6 +2,7 @@
 
 from typing import Any, Literal
 
+from pydantic import ConfigDict
 from sqlalchemy.orm import Session
 
 from service.monitoring.archive import Archive
@@ -17,6 +18,9 @@ Action = Literal["fluid_changed", "filter_changed", "setting_adjusted", "sensor_
 class NewMaintenance(Body):
     """What was done, and when."""
 
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"at": "2026-05-02T00:00:00Z", "action": "filter_changed"}]}
+    )
     at: Instant
     action: Action
     note: Note = ""
@@ -25,6 +29,7 @@ class NewMaintenance(Body):
 class MaintenanceChange(Body):
     """Fields of a maintenance event to set."""
 
+    model_config = ConfigDict(json_schema_extra={"examples": [{"note": "both filters"}]})
     at: Instant | None = None
     action: Action | None = None
     note: Note | None = None

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from sqlalchemy import func, or_, select, union, update
 from sqlalchemy.orm import Session
 
@@ -13,19 +13,20 @@ from service.errors import Forbidden, NotFound
 from service.raw_store import RawStore
 from service.registry.fields import Body
 from service.security import Principal
-from service.tables import Aircraft, ApiKey, OperatorSettings, Pump, Record, Refusal
+from service.tables import Aircraft, ApiKey, OperatorSettings, Pump, Record, Refusal, User, Webhook
 
 
 class OperatorChange(Body):
     """Settings of an operator; ``retention_days`` null keeps raw bytes for ever."""
 
+    model_config = ConfigDict(json_schema_extra={"examples": [{"retention_days": 730}]})
     retention_days: int | None = Field(ge=1, le=36_500)
 
 
 def visible(session: Session, asker: Principal) -> list[str]:
     """Operators that have anything here, of those that an admin may manage."""
-    columns = (Pump.operator, Record.operator, Aircraft.operator, ApiKey.operator, OperatorSettings.operator)
-    names = union(*(select(column.label("operator")) for column in columns)).subquery()
+    tables = (Pump, Record, Aircraft, ApiKey, User, Webhook, OperatorSettings)
+    names = union(*(select(table.operator.label("operator")) for table in tables)).subquery()
     query = select(names.c.operator).where(names.c.operator.is_not(None)).order_by(names.c.operator)
     if asker.operator is not None:
         query = query.where(names.c.operator == asker.operator)

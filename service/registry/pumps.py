@@ -3,6 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
+from pydantic import ConfigDict
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -19,6 +20,7 @@ from twin.pumps import PUMP_TYPES
 class NewPump(Body):
     """A pump to register; an operator's serial number is unique."""
 
+    model_config = ConfigDict(json_schema_extra={"examples": [{"serial": "P-7", "pump_type": "h225"}]})
     serial: Name
     pump_type: Name = DEFAULT_PUMP_TYPE
     operator: Name | None = None
@@ -27,6 +29,7 @@ class NewPump(Body):
 class PumpChange(Body):
     """Fields of a pump to set; any change confirms it unless it says otherwise."""
 
+    model_config = ConfigDict(json_schema_extra={"examples": [{"pump_type": "h225", "confirmed": True}]})
     pump_type: Name | None = None
     confirmed: bool = True
 

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
@@ -23,6 +23,23 @@ class MeasuredPoint(Body):
 class NewReferenceCurve(Body):
     """Measured points of a pump type; they replace those stored before."""
 
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {
+                    "points": [
+                        {
+                            "discharge_pressure_bar": pressure,
+                            "case_minus_reservoir_bar": rise,
+                            "fluid_temperature_degc": 50.0,
+                            "speed_rpm": 4600.0,
+                        }
+                        for pressure, rise in ((174.0, 0.35), (170.0, 0.39))
+                    ]
+                }
+            ]
+        }
+    )
     points: list[MeasuredPoint] = Field(min_length=2, max_length=10_000)
 
 

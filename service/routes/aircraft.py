@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
 
 from detectors.verdict import TREND_METRICS
-from service import queries
+from service import audit, queries
 from service.context import Asker, ContextOf, archive_of
 from service.errors import Conflict, Fault, Invalid
 from service.monitoring.trend import points_of, thinned
@@ -42,6 +42,8 @@ def create(body: registry.NewAircraft, response: Response, context: ContextOf, a
     try:
         with context.database.writing() as session:
             row = registry.create(session, operator, body, asker.owner)
+            details = body.model_dump(mode="json", exclude_unset=True)
+            audit.note(session, asker, "aircraft.register", f"aircraft/{row.name}", row.operator, details)
             response.headers["Location"] = f"/api/v1/aircraft/{row.name}"
             return registry.document(session, row)
     except IntegrityError:
@@ -64,6 +66,8 @@ def change(
     with context.database.writing() as session:
         row = found_aircraft(session, asker, name, operator)
         registry.change(session, row, body, asker.owner, archive_of(context))
+        details = body.model_dump(mode="json", exclude_unset=True)
+        audit.note(session, asker, "aircraft.change", f"aircraft/{row.name}", row.operator, details)
         return registry.document(session, row)
 
 

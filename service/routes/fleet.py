@@ -1,34 +1,30 @@
 """The fleet at a glance."""
 
 from collections import Counter
-from typing import Any
+from datetime import datetime
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 
+from detectors.verdict import TREND_METRICS
 from service import queries
 from service.context import Asker, ContextOf
+from service.errors import Fault, Invalid
+from service.instants import check_instants
+from service.monitoring.fleet_trend import GroupBy, fleet_trend
+from service.paging import DEFAULT_ITEMS, MOST_ITEMS, cursor_after, place_of
+from service.ranking import by_state, ranked
 from service.registry.findings import judged_findings, rates
 from service.routes.pumps import shown
 
 router = APIRouter(prefix="/fleet", tags=["fleet"])
-URGENCY: tuple[str, ...] = (
-    "pump_degradation",
-    "compensator_fault",
-    "system_leakage",
-    "drain_restriction",
-    "indeterminate",
-    "sensor_fault",
-    "insufficient_data",
-    "healthy",
-)
-"""States from the most to the least urgent, as the fleet page orders them (our choice)."""
 
 
 def fleet(context: ContextOf, asker: Asker) -> list[dict[str, Any]]:
     """All pumps that this key may see, the most urgent first."""
     with context.database.reading() as session:
         pumps = shown(session, list(session.scalars(queries.pumps(asker))))
-    return sorted(pumps, key=lambda p: (URGENCY.index(p["state"]), -p["confidence"], p["operator"], p["serial"]))
+    return sorted(pumps, key=by_state)
 
 
 @router.get("/summary", summary="How the fleet is")
@@ -47,3 +43,41 @@ def summary(context: ContextOf, asker: Asker) -> dict[str, Any]:
         "silent": [p for p in pumps if p["silent"]],
         "findings": rates(judged),
     }
+
+
+@router.get("/ranking", summary="Which pump first, and why")
+def ranking(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Page through the pumps by urgency, each with its reasons in plain words."""
+    query = {"list": "ranking"}
+    place = place_of(query, cursor)
+    start = place[0] if place is not None else 0
+    with context.database.reading() as session:
+        rows = list(session.scalars(queries.pumps(asker)))
+        items = ranked(session, rows, shown(session, rows))
+    end = start + limit
+    return {"items": items[start:end], "next": cursor_after(query, [end]) if end < len(items) else None}
+
+
+@router.get("/trend", summary="Trend of one metric over the fleet, by group")
+def trend(
+    context: ContextOf,
+    asker: Asker,
+    metric: str,
+    group_by: GroupBy = "pump_type",
+    since: Annotated[datetime | None, Query(alias="from")] = None,
+    until: Annotated[datetime | None, Query(alias="to")] = None,
+    points: Annotated[int, Query(ge=4, le=10_000, description="About so many per group")] = 500,
+) -> dict[str, Any]:
+    """Points of a metric in event order for each group, thinned without losing extremes."""
+    if metric not in TREND_METRICS:
+        known = ", ".join(TREND_METRICS)
+        raise Invalid(f"there is no metric {metric!r}", [Fault("query.metric", f"is not one of {known}")])
+    check_instants(**{"from": since, "to": until})
+    with context.database.reading() as session:
+        groups = fleet_trend(session, asker, metric, group_by, since, until, points)
+    return {"metric": metric, "unit": TREND_METRICS[metric], "group_by": group_by, "items": groups, "next": None}

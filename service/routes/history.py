@@ -3,8 +3,10 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
+from pydantic import BaseModel
+from sqlalchemy.orm import Session
 
-from service import queries
+from service import audit, queries
 from service.context import Asker, ContextOf, archive_of
 from service.monitoring.knowledge import entries
 from service.registry import findings as finding_entries
@@ -12,7 +14,8 @@ from service.registry import installations as installation_entries
 from service.registry import maintenance as maintenance_entries
 from service.registry.entries import entry, withdraw
 from service.registry.locks import locked_pump
-from service.tables import Finding, MaintenanceEvent
+from service.security import Principal
+from service.tables import Finding, MaintenanceEvent, Pump
 
 router = APIRouter(prefix="/pumps/{serial}", tags=["history"])
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]
@@ -40,6 +43,7 @@ def install(
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
         row = installation_entries.create(session, pump, body, asker.owner, archive_of(context))
+        _note(session, asker, pump, "installation.enter", row.id, body)
         response.headers["Location"] = f"/api/v1/pumps/{serial}/installations/{row.id}"
         return installation_entries.document(row)
 
@@ -58,6 +62,7 @@ def correct_installation(
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
         row = installation_entries.change(session, pump, entry_id, body, asker.owner, archive_of(context))
+        _note(session, asker, pump, "installation.correct", entry_id, body)
         return installation_entries.document(row)
 
 
@@ -70,6 +75,7 @@ def withdraw_installation(
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
         installation_entries.remove(session, pump, entry_id, archive_of(context))
+        _note(session, asker, pump, "installation.withdraw", entry_id)
 
 
 @router.get("/maintenance", summary="What was done to a pump")
@@ -95,6 +101,7 @@ def maintain(
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
         row = maintenance_entries.create(session, pump, body, asker.owner, archive_of(context))
+        _note(session, asker, pump, "maintenance.enter", row.id, body)
         response.headers["Location"] = f"/api/v1/pumps/{serial}/maintenance/{row.id}"
         return maintenance_entries.document(row)
 
@@ -113,6 +120,7 @@ def correct_maintenance(
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
         row = maintenance_entries.change(session, pump, entry_id, body, asker.owner, archive_of(context))
+        _note(session, asker, pump, "maintenance.correct", entry_id, body)
         return maintenance_entries.document(row)
 
 
@@ -125,6 +133,7 @@ def withdraw_maintenance(
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
         maintenance_entries.remove(session, pump, entry_id, archive_of(context))
+        _note(session, asker, pump, "maintenance.withdraw", entry_id)
 
 
 @router.get("/findings", summary="What the workshop found")
@@ -150,6 +159,7 @@ def find(
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
         row = finding_entries.create(session, pump, body, asker.owner)
+        _note(session, asker, pump, "finding.enter", row.id, body)
         response.headers["Location"] = f"/api/v1/pumps/{serial}/findings/{row.id}"
         return finding_entries.document(row)
 
@@ -167,7 +177,9 @@ def correct_finding(
     asker.require("analyst")
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
-        return finding_entries.document(finding_entries.change(session, pump, entry_id, body, asker.owner))
+        row = finding_entries.change(session, pump, entry_id, body, asker.owner)
+        _note(session, asker, pump, "finding.correct", entry_id, body)
+        return finding_entries.document(row)
 
 
 @router.delete("/findings/{entry_id}", status_code=204, summary="Withdraw a finding")
@@ -175,4 +187,14 @@ def withdraw_finding(serial: str, entry_id: str, context: ContextOf, asker: Aske
     """Take a finding back."""
     asker.require("analyst")
     with context.database.writing() as session:
-        withdraw(session, entry(session, Finding, locked_pump(session, asker, serial, operator), entry_id))
+        pump = locked_pump(session, asker, serial, operator)
+        withdraw(session, entry(session, Finding, pump, entry_id))
+        _note(session, asker, pump, "finding.withdraw", entry_id)
+
+
+def _note(
+    session: Session, asker: Principal, pump: Pump, action: str, entry_id: str, body: BaseModel | None = None
+) -> None:
+    kind = action.partition(".")[0]
+    details = {} if body is None else body.model_dump(mode="json", by_alias=True, exclude_unset=True)
+    audit.note(session, asker, action, f"pump/{pump.serial}/{kind}/{entry_id}", pump.operator, details)

@@ -1,15 +1,17 @@
-"""API keys: made by an admin, shown once."""
+"""API keys: made by an admin, shown once, revoked for good."""
 
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import select
+from sqlalchemy import select, tuple_
 
+from service import audit
 from service.context import Asker, ContextOf
-from service.errors import Fault, Forbidden, Invalid
-from service.security import Principal, new_key
+from service.errors import Fault, Forbidden, Invalid, NotFound
+from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+from service.security import Principal, Role, new_key
 from service.tables import ApiKey
 
 router = APIRouter(prefix="/keys", tags=["administration"])
@@ -18,22 +20,35 @@ router = APIRouter(prefix="/keys", tags=["administration"])
 class NewKey(BaseModel):
     """What a key shall be allowed to do; without ``operator`` it sees every operator."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={"examples": [{"owner": "hums-office", "role": "analyst", "operator": "north"}]},
+    )
     owner: str = Field(min_length=1, max_length=200, examples=["hums-office"])
-    role: Literal["viewer", "analyst", "engineer", "admin"]
+    role: Role
     operator: str | None = Field(default=None, min_length=1, max_length=200)
     expires_at: datetime | None = None
 
 
 @router.get("", summary="List keys, without the keys themselves")
-def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
     """All keys that this admin may manage."""
     asker.require("admin")
-    query = select(ApiKey).order_by(ApiKey.created_at, ApiKey.id)
+    query = {"list": "keys"}
+    after = place_of(query, cursor)
+    wanted = select(ApiKey).order_by(ApiKey.created_at, ApiKey.id)
     if asker.operator is not None:
-        query = query.where(ApiKey.operator == asker.operator)
+        wanted = wanted.where(ApiKey.operator == asker.operator)
+    if after is not None:
+        wanted = wanted.where(tuple_(ApiKey.created_at, ApiKey.id) > (datetime.fromisoformat(after[0]), after[1]))
     with context.database.reading() as session:
-        return {"items": [_shown(row) for row in session.scalars(query)], "next": None}
+        rows = list(session.scalars(wanted.limit(limit + 1)))
+        return page(rows, limit, query, lambda row: [row.created_at.isoformat(), row.id], _shown)
 
 
 @router.post("", status_code=201, summary="Make a key")
@@ -43,7 +58,22 @@ def make(body: NewKey, context: ContextOf, asker: Asker) -> dict[str, Any]:
     _check(body, asker)
     with context.database.writing() as session:
         row, key = new_key(session, body.owner, body.role, body.operator or asker.operator, body.expires_at)
+        details = {"owner": row.owner, "role": row.role, "expires_at": row.expires_at and row.expires_at.isoformat()}
+        audit.note(session, asker, "key.make", f"key/{row.id}", row.operator, details)
         return _shown(row) | {"key": key}
+
+
+@router.delete("/{key_id}", status_code=204, summary="Revoke a key")
+def revoke(key_id: str, context: ContextOf, asker: Asker) -> None:
+    """Revoke a key: it opens nothing any more, and what it did stays in the audit log. Safe to repeat."""
+    asker.require("admin")
+    with context.database.writing() as session:
+        row = session.get(ApiKey, key_id)
+        if row is None or asker.operator not in (None, row.operator):
+            raise NotFound(f"there is no key {key_id}")
+        if row.revoked_at is None:
+            row.revoked_at = datetime.now(UTC)
+            audit.note(session, asker, "key.revoke", f"key/{row.id}", row.operator, {"owner": row.owner})
 
 
 def _check(body: NewKey, asker: Principal) -> None:
@@ -66,4 +96,5 @@ def _shown(row: ApiKey) -> dict[str, Any]:
         "created_at": row.created_at,
         "expires_at": row.expires_at,
         "last_used_at": row.last_used_at,
+        "revoked_at": row.revoked_at,
     }

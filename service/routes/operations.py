@@ -39,7 +39,7 @@ def ready(context: ContextOf) -> JSONResponse:
     return JSONResponse(body, status_code=200 if good else 503)
 
 
-@router.get("/metrics", summary="Prometheus metrics")
+@router.get("/metrics", summary="Prometheus metrics", response_class=Response)
 def metrics() -> Response:
     """Counters and timings of this process."""
     return Response(generate_latest(), media_type=CONTENT_TYPE_LATEST)

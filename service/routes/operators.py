@@ -7,6 +7,7 @@ from fastapi import APIRouter, Query
 from fastapi.responses import StreamingResponse
 from sqlalchemy import select
 
+from service import audit
 from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
 from service.registry import operators as registry
@@ -43,6 +44,8 @@ def change(operator: str, body: registry.OperatorChange, context: ContextOf, ask
     with context.database.writing() as session:
         registry.check_visible(session, asker, operator)
         registry.change(session, asker, operator, body)
+        details = body.model_dump(mode="json")
+        audit.note(session, asker, "operator.change", f"operator/{operator}", operator, details)
         return registry.documents(session, [operator])[0]
 
 
@@ -69,4 +72,4 @@ def remove(
         registry.check_visible(session, asker, operator)
     if confirm != operator:
         raise Invalid("nothing was deleted", [Fault("query.confirm", f"is not {operator}: repeat the name to confirm")])
-    return document(delete_operator(context.database, context.raw_store, operator, asker.owner, reason))
+    return document(delete_operator(context.database, context.raw_store, operator, asker, reason))

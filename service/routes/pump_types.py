@@ -2,9 +2,10 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
-from pydantic import Field
+from fastapi import APIRouter, Query, Response
+from pydantic import ConfigDict, Field
 
+from service import audit
 from service.context import Asker, ContextOf
 from service.errors import Conflict, Fault, Forbidden, Invalid, NotFound
 from service.registry import reference_curves
@@ -20,6 +21,7 @@ Operator = Annotated[str | None, Query(description="Whose curve; a key of one op
 class NewPumpType(Body):
     """A variant of a built-in parameter set."""
 
+    model_config = ConfigDict(json_schema_extra={"examples": [{"id": "h225-rebuilt", "base": "h225"}]})
     id: Name
     base: Name
     limits: dict[str, float] = Field(default_factory=dict)
@@ -32,8 +34,8 @@ def listed(_asker: Asker) -> dict[str, Any]:
     return {"items": [_summary(PUMP_TYPES[name]) for name in sorted(PUMP_TYPES)], "next": None}
 
 
-@router.post("", status_code=201, summary="Register a pump type")
-def create(body: NewPumpType, asker: Asker) -> dict[str, Any]:
+@router.post("", status_code=201, summary="Register a pump type", response_class=Response)
+def create(body: NewPumpType, asker: Asker) -> None:
     """Not available: a parameter set is reviewed code; the answer says what to do instead."""
     asker.require("engineer")
     if body.id in PUMP_TYPES:
@@ -88,6 +90,8 @@ def put_curve(
     with context.database.writing() as session:
         wanted = _whose(asker.operator, operator)
         row = reference_curves.put(session, wanted, name, body, asker.owner)
+        details = {"points": len(body.points)}
+        audit.note(session, asker, "reference_curve.put", f"pump-type/{name}", wanted, details)
         return reference_curves.document(name, row)
 
 

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from detectors.curve_svg import curve_svg
 from detectors.verdict import TREND_METRICS
-from service import queries
+from service import audit, queries
 from service.context import Asker, ContextOf, archive_of
 from service.errors import Conflict, Fault, Invalid
 from service.monitoring.curve import curve_of, curve_png
@@ -60,6 +60,8 @@ def create(body: registry.NewPump, response: Response, context: ContextOf, asker
     try:
         with context.database.writing() as session:
             row = registry.create(session, operator, body, asker.owner)
+            details = body.model_dump(mode="json", exclude_unset=True)
+            audit.note(session, asker, "pump.register", f"pump/{row.serial}", row.operator, details)
             response.headers["Location"] = f"/api/v1/pumps/{row.serial}"
             return shown(session, [row])[0]
     except IntegrityError:
@@ -83,6 +85,8 @@ def change(
     with context.database.writing() as session:
         row = locked_pump(session, asker, serial, operator)
         registry.change(session, row, body, asker.owner, archive_of(context))
+        details = body.model_dump(mode="json", exclude_unset=True)
+        audit.note(session, asker, "pump.change", f"pump/{row.serial}", row.operator, details)
         return shown(session, [row])[0]
 
 

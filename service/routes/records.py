@@ -10,6 +10,7 @@ from service import queries
 from service.context import Asker, Context, ContextOf, archive_of
 from service.errors import Fault, Invalid, TooLarge
 from service.ingest.metadata import KNOWN
+from service.instants import check_instants
 from service.monitoring.acceptance import Upload
 from service.monitoring.withdrawal import withdraw_record
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -76,6 +77,7 @@ def listed(
 ) -> dict[str, Any]:
     """Page through the records that this key may see."""
     query = {"pump": pump, "from": since, "to": until, "status": status, "list": "records"}
+    check_instants(**{"from": since, "to": until})
     after = place_of(query, cursor)
     wanted = queries.records(asker, serial=pump, since=since, until=until, status=status, after=after)
     with context.database.reading() as session:
@@ -116,7 +118,7 @@ def windows(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
         return {"items": _windows(queries.record(session, asker, record_id)), "next": None}
 
 
-@router.get("/{record_id}/raw", summary="Original bytes of one record")
+@router.get("/{record_id}/raw", summary="Original bytes of one record", response_class=Response)
 def raw(record_id: str, context: ContextOf, asker: Asker) -> Response:
     """The bytes exactly as they were uploaded."""
     with context.database.reading() as session:

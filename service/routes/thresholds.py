@@ -1,19 +1,32 @@
 """Thresholds: what holds, from which layer, and how to change it."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, BackgroundTasks, Header, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 from sqlalchemy.orm import Session
 
 from detectors.thresholds import KEYS
 from service import queries
-from service.context import Asker, ContextOf
+from service.context import Asker, Context, ContextOf, archive_of
 from service.errors import Forbidden, NotFound
+from service.monitoring.preview import Workbench, preview
 from service.monitoring.reanalysis import refold_scope
 from service.security import Principal
-from service.threshold_layers import SCOPES, Effective, Scope, effective_thresholds, etag, latest, pump_scopes, put
+from service.tables import ThresholdVersion
+from service.threshold_layers import (
+    SCOPES,
+    Effective,
+    Scope,
+    effective_thresholds,
+    etag,
+    latest,
+    pump_scopes,
+    put,
+    restore,
+    versions,
+)
 from twin.pumps import PUMP_TYPES
 
 router = APIRouter(prefix="/thresholds", tags=["thresholds"])
@@ -31,8 +44,28 @@ class NewThresholds(BaseModel):
             ]
         },
     )
-    values: dict[str, float]
+    values: dict[str, FiniteFloat]
     reason: str = Field(max_length=2000)
+
+
+class Restoration(BaseModel):
+    """Why an earlier version is put back; it may be left out."""
+
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"reason": "too many alarms in May"}]})
+    reason: str | None = Field(default=None, max_length=2000)
+
+
+class Candidate(BaseModel):
+    """Values that would stand in for those of one layer as a whole; ``operator`` tells two pumps of a serial apart."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={"examples": [{"scope": "operator", "id": "north", "values": {"alarm_records": 5}}]},
+    )
+    scope: Literal["fleet", "pump-type", "operator", "pump"]
+    id: str = Field(max_length=200)
+    values: dict[str, FiniteFloat]
+    operator: str | None = Field(default=None, max_length=200)
 
 
 @router.get("/keys", summary="All thresholds with unit, range and meaning")
@@ -43,6 +76,47 @@ def keys(_asker: Asker) -> dict[str, Any]:
         for k in KEYS
     ]
     return {"items": items, "next": None}
+
+
+@router.post("/preview", summary="What other thresholds would have done")
+def previewed(body: Candidate, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Fold the stored history with a candidate for one layer, without writing, and compare the alarms."""
+    asker.require("analyst")
+    with context.database.reading() as session:
+        layers = _layers(session, asker, body.scope, body.id, body.operator)
+        bench = Workbench(session, archive_of(context), context.settings.max_preview_records)
+        return preview(bench, asker, layers[-1], body.values)
+
+
+@router.get("/{scope}/{scope_id}/versions", summary="History of one layer")
+def history(scope: str, scope_id: str, context: ContextOf, asker: Asker, operator: str | None = None) -> dict[str, Any]:
+    """Every version of a layer with author and reason, the newest first."""
+    with context.database.reading() as session:
+        layers = _layers(session, asker, scope, scope_id, operator)
+        return {"items": [_version(row) for row in versions(session, layers[-1])], "next": None}
+
+
+@router.post("/{scope}/{scope_id}/versions/{number}/restore", summary="Put a version back")
+def restored(
+    scope: str,
+    scope_id: str,
+    number: int,
+    response: Response,
+    background: BackgroundTasks,
+    context: ContextOf,
+    asker: Asker,
+    body: Restoration | None = None,
+    operator: str | None = None,
+    if_match: Annotated[str | None, Header()] = None,
+) -> dict[str, Any]:
+    """Append an earlier version once more as the newest; ``If-Match`` is checked where it is sent."""
+    _require_setter(asker, scope)
+    with context.database.writing() as session:
+        layers = _layers(session, asker, scope, scope_id, operator)
+        own = restore(session, layers[-1], number, body.reason if body else None, asker, if_match)
+        answer = _answered(session, response, scope, scope_id, layers, own)
+    _refold_later(background, context, layers[-1])
+    return answer
 
 
 @router.get("/{scope}/{scope_id}", summary="Effective thresholds of one layer")
@@ -70,18 +144,35 @@ def change(
     if_match: Annotated[str | None, Header()] = None,
 ) -> dict[str, Any]:
     """Append a version; the verdicts of the pumps it holds for are folded anew."""
-    everybodys = scope in ("fleet", "pump-type")
-    asker.require("admin" if everybodys else "analyst")
-    if everybodys and asker.operator is not None:
-        raise Forbidden(f"{scope} thresholds hold for every operator; the key of {asker.owner} is one operator's")
+    _require_setter(asker, scope)
     with context.database.writing() as session:
         layers = _layers(session, asker, scope, scope_id, operator)
-        own = put(session, layers[-1], body.values, body.reason, asker.owner, if_match)
-        found = effective_thresholds(session, layers)
-        answer = _document(scope, scope_id, found, own.number, own.values)
-        response.headers["ETag"] = etag(own)
-    background.add_task(refold_scope, context.database, context.raw_store, context.settings, layers[-1])
+        own = put(session, layers[-1], body.values, body.reason, asker, if_match)
+        answer = _answered(session, response, scope, scope_id, layers, own)
+    _refold_later(background, context, layers[-1])
     return answer
+
+
+def _require_setter(asker: Principal, scope: str) -> None:
+    asker.require("engineer")
+    if scope in ("fleet", "pump-type") and asker.operator is not None:
+        raise Forbidden(f"{scope} thresholds hold for every operator; {asker.owner} belongs to one")
+
+
+def _answered(
+    session: Session,
+    response: Response,
+    scope: str,
+    scope_id: str,
+    layers: tuple[Scope, ...],
+    own: ThresholdVersion,
+) -> dict[str, Any]:
+    response.headers["ETag"] = etag(own)
+    return _document(scope, scope_id, effective_thresholds(session, layers), own.number, own.values)
+
+
+def _refold_later(background: BackgroundTasks, context: Context, scope: Scope) -> None:
+    background.add_task(refold_scope, context.database, context.raw_store, context.settings, scope)
 
 
 def _layers(session: Session, asker: Principal, scope: str, scope_id: str, operator: str | None) -> tuple[Scope, ...]:
@@ -97,6 +188,16 @@ def _layers(session: Session, asker: Principal, scope: str, scope_id: str, opera
         return pump_scopes(row.operator, row.serial, row.pump_type)
     known = ", ".join(f"{s}/…" for s in SCOPES)
     raise NotFound(f"there are no thresholds {scope}/{scope_id}; scopes: {known}")
+
+
+def _version(row: ThresholdVersion) -> dict[str, Any]:
+    return {
+        "version": row.number,
+        "values": row.values,
+        "author": row.author,
+        "reason": row.reason,
+        "created_at": row.created_at,
+    }
 
 
 def _document(scope: str, scope_id: str, found: Effective, version: int, own: Mapping[str, float]) -> dict[str, Any]:

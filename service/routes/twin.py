@@ -48,7 +48,12 @@ class ConditionInput(BaseModel):
 class OperatingPointRequest(BaseModel):
     """Conditions to solve, all for one pump type."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={
+            "examples": [{"pump_type": "h225", "conditions": [{"speed_rpm": 4600, "fluid_temperature_degc": 50}]}]
+        },
+    )
     pump_type: str = "h225"
     conditions: list[ConditionInput] = Field(min_length=1, max_length=MOST_CONDITIONS)
 

@@ -1,6 +1,8 @@
 """Tables, the same for SQLite and Postgres. Numbers that queries never look into stay in JSON columns."""
 
-from service.tables.access import ApiKey
+from service.tables.access import ApiKey, FailedSignIn, SignedIn, User
+from service.tables.alarms import Alarm, AlarmAction, Delivery, Message, Webhook
+from service.tables.audit import AuditEntry
 from service.tables.base import Base, UtcDateTime
 from service.tables.history import Entry, Finding, Installation, MaintenanceEvent, VerdictRevision
 from service.tables.operators import Deletion, OperatorSettings
@@ -24,21 +26,30 @@ __all__ = [
     "SUPERSEDED",
     "WITHDRAWN",
     "Aircraft",
+    "Alarm",
+    "AlarmAction",
     "ApiKey",
+    "AuditEntry",
     "Base",
     "Deletion",
+    "Delivery",
     "Entry",
+    "FailedSignIn",
     "Finding",
     "Installation",
     "MaintenanceEvent",
+    "Message",
     "OperatorSettings",
     "Pump",
     "Record",
     "ReferenceCurve",
     "Refusal",
     "RegistryVersion",
+    "SignedIn",
     "StoredAssessment",
     "ThresholdVersion",
+    "User",
     "UtcDateTime",
     "VerdictRevision",
+    "Webhook",
 ]

@@ -46,5 +46,6 @@ class Base(DeclarativeBase):
     type_annotation_map = {  # noqa: RUF012 - SQLAlchemy's own protocol
         datetime: UtcDateTime(),
         dict[str, Any]: _JSON,
+        list[Any]: _JSON,
         str: String(),
     }

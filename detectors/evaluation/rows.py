@@ -1,0 +1,174 @@
+"""Rows of a study: which fault, how it runs, what the sensors see, and which answer is right."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from detectors.evaluation.reality import Course
+from detectors.evaluation.sensing import Sensing
+from detectors.verdict import State
+
+LEAKS = ("slippers", "slippers", "three slippers", "three pistons", "port plate", "port plate", "slippers", "slippers")
+"""Half slippers, a quarter three slippers or three pistons, a quarter port plates."""
+
+
+class Faults(Protocol):
+    """How the faults of a row run; plain data, so that a task can be sent to another process and named by its text."""
+
+    @property
+    def onset(self) -> int | None:
+        """First flight with a fault; None without one."""
+        ...
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        """Faults of one chunk of pumps."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class NoFault:
+    """Healthy pumps."""
+
+    onset: int | None = None
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Growing:
+    """Grows linearly to ``amount`` over ``flights`` from ``onset``; kinds take turns over the chunks."""
+
+    kinds: tuple[str, ...]
+    amount: float
+    flights: int = 150
+    onset: int = 40
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        # the onset's own flight already carries the first bit
+        size = self.amount * np.clip((np.arange(n_flights) - self.onset + 1) / self.flights, 0.0, 1.0)
+        return (Course(self.kinds[chunk % len(self.kinds)], np.tile(size, (n_pumps, 1))),)
+
+
+@dataclass(frozen=True, slots=True)
+class Stepping:
+    """There with its full ``amount`` from flight ``onset`` on; kinds take turns over the chunks."""
+
+    kinds: tuple[str, ...]
+    amount: float
+    onset: int = 40
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        size = self.amount * (np.arange(n_flights) >= self.onset)
+        return (Course(self.kinds[chunk % len(self.kinds)], np.tile(size, (n_pumps, 1))),)
+
+
+@dataclass(frozen=True, slots=True)
+class SideBySide:
+    """Faults at the same time; the first one is the larger."""
+
+    faults: tuple[Growing | Stepping, ...]
+
+    @property
+    def onset(self) -> int | None:
+        return min(f.onset for f in self.faults)
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        return tuple(c for f in self.faults for c in f.courses(n_pumps, n_flights, chunk))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What one row of a study simulates.
+
+    Attributes
+    ----------
+    truth
+        The state that is right at the end; of two faults the larger one's; ``healthy`` without a fault of pump,
+        system or sensor.
+    unit
+        Of the size of the (first) fault.
+    worn
+        Pumps arrive with a case flow at the reference above 2.2 L/min.
+    by_records
+        Sized by healthy records in each reality instead of by pumps: false alarms are counted per record.
+    """
+
+    name: str
+    truth: State
+    n_flights: int = 200
+    course: Faults = field(default_factory=NoFault)
+    unit: str = ""
+    sensing: Sensing = field(default_factory=Sensing)
+    worn: bool = False
+    by_records: bool = False
+
+    @property
+    def onset(self) -> int | None:
+        """First flight on which something is wrong; None for pumps that stay healthy."""
+        if self.worn:
+            return 0
+        return self.sensing.step_at if self.sensing.case_zero_step else self.course.onset
+
+    @property
+    def is_single(self) -> bool:
+        """Whether exactly one answer is right: no second fault beside the first."""
+        return not isinstance(self.course, SideBySide)
+
+
+HEALTHY = "healthy"
+_CASE_ZERO = Sensing(case_zero_step=0.06, step_at=40)
+PLAIN_ROWS: tuple[Row, ...] = (
+    Row(HEALTHY, State.HEALTHY, 250, by_records=True),
+    Row("pump leakage 0.6 L/min", State.PUMP_DEGRADATION, 200, Growing(LEAKS, 0.6), "L/min"),
+    Row("uneven wear", State.PUMP_DEGRADATION, 200, Growing(("three pistons", "one slipper"), 0.15), "L/min"),
+    Row("system leakage 3 L/min", State.SYSTEM_LEAKAGE, 200, Growing(("system",), 3.0), "L/min"),
+    Row("drain +30 %", State.DRAIN_RESTRICTION, 120, Stepping(("drain",), 0.3), "-"),
+    Row("setting 1.5 bar", State.COMPENSATOR_FAULT, 200, Growing(("setting",), -1.5), "bar"),
+    Row("setting 3 bar", State.COMPENSATOR_FAULT, 200, Growing(("setting",), -3.0), "bar"),
+    Row("edge radius x10", State.COMPENSATOR_FAULT, 200, Growing(("erosion",), 45.0), "um"),
+    Row("case zero +0.06 bar", State.SENSOR_FAULT, 120, sensing=_CASE_ZERO),
+    Row(
+        "case zero +0.06 bar, zero not measured",
+        State.SENSOR_FAULT,
+        120,
+        sensing=replace(_CASE_ZERO, zero_measured=False),
+    ),
+    Row("reservoir +1 bar", State.HEALTHY, 120, Stepping(("reservoir",), 1.0), "bar"),
+    Row(
+        "reservoir +1 bar, reservoir not measured",
+        State.HEALTHY,
+        120,
+        Stepping(("reservoir",), 1.0),
+        "bar",
+        Sensing(reservoir_measured=False),
+    ),
+    Row("reservoir not measured", State.HEALTHY, 120, sensing=Sensing(reservoir_measured=False)),
+    Row("worn on arrival", State.PUMP_DEGRADATION, 30, worn=True),
+    Row(
+        "two faults: pump 0.6, system 1 L/min",
+        State.PUMP_DEGRADATION,
+        200,
+        SideBySide((Growing(("slippers",), 0.6), Growing(("system",), 1.0))),
+        "L/min",
+    ),
+    Row(
+        "two faults: setting 3 bar, drain +30 %",
+        State.COMPENSATOR_FAULT,
+        200,
+        SideBySide((Growing(("setting",), -3.0), Growing(("drain",), 0.3))),
+        "bar",
+    ),
+)
+BURST = "; burst"
+
+
+def with_burst(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """The same rows with a burst of 2 s at 10 kHz in every zero-flow window."""
+    return tuple(replace(r, name=r.name + BURST, sensing=replace(r.sensing, burst=True)) for r in rows)
+
+
+ROWS: tuple[Row, ...] = (*PLAIN_ROWS, *with_burst(PLAIN_ROWS))
+"""With one 1 Hz zero-flow window a flight, and with a burst in it."""

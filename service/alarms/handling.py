@@ -1,0 +1,104 @@
+"""What an operator does about an alarm: acknowledge, shelve, unshelve, close; checked, noted, and then followed."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from service import audit
+from service.alarms import reading
+from service.alarms.ledger import follow
+from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
+from service.database import Database
+from service.errors import Conflict, Fault, Invalid
+from service.monitoring.analysis import thresholds_of
+from service.security import Principal
+from service.tables import Alarm, AlarmAction, Pump, StoredAssessment
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What shall be done: one of the kinds of ``life_cycle``, why, and for a shelf until when."""
+
+    kind: str
+    reason: str | None = None
+    until: datetime | None = None
+
+
+def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) -> dict[str, Any]:
+    """Do it in one transaction and give the alarm as it is now.
+
+    Raises
+    ------
+    NotFound
+        when there is no such alarm for this principal.
+    Invalid
+        with every fault of reason and time.
+    Conflict
+        when the alarm is in a state in which it makes no sense.
+    """
+    principal.require("analyst")
+    with database.writing() as session:
+        _, pump = reading.alarm(session, principal, alarm_id)
+        session.scalars(select(Pump).where(Pump.id == pump.id).with_for_update()).one()
+        row, pump = reading.alarm(session, principal, alarm_id)
+        session.refresh(row)
+        thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values
+        now = datetime.now(UTC)
+        _check_wish(wish, thresholds["alarm_shelving_maximum_h"], now)
+        _check_state(row, wish, now)
+        session.add(
+            AlarmAction(
+                alarm_id=row.id,
+                pump_id=pump.id,
+                kind=wish.kind,
+                by=principal.owner,
+                reason=wish.reason,
+                until=wish.until,
+                onset_at=row.onset_at,
+                seen_at=_last_known(session, pump) or row.raised_at,
+                seen_state=row.verdict_state,
+                seen_priority=row.priority,
+                done_at=now,
+            )
+        )
+        details = {"reason": wish.reason, "until": wish.until.isoformat() if wish.until else None}
+        audit.note(session, principal, f"alarm.{wish.kind}", f"alarm/{row.id}", pump.operator, details)
+        follow(session, pump, thresholds)
+        return reading.shown(row, pump.serial, pump.pump_type)
+
+
+def _check_wish(wish: Wish, longest_h: float, now: datetime) -> None:
+    faults = []
+    if wish.kind in (SHELVE, CLOSE) and not (wish.reason or "").strip():
+        faults.append(Fault("body.reason", "is empty: say why, whoever finds the alarm next will ask"))
+    if wish.kind == SHELVE:
+        if wish.until is None:
+            faults.append(Fault("body.until", "is missing: a shelf has an end"))
+        elif wish.until.tzinfo is None:
+            faults.append(Fault("body.until", "has no time zone: write Z for UTC"))
+        elif wish.until <= now:
+            faults.append(Fault("body.until", "lies in the past"))
+        elif wish.until > now + timedelta(hours=longest_h):
+            faults.append(Fault("body.until", f"is more than {longest_h:g} h away (alarm_shelving_maximum_h)"))
+    if faults:
+        raise Invalid(f"{len(faults)} fault(s); the alarm is unchanged", faults)
+
+
+def _check_state(row: Alarm, wish: Wish, now: datetime) -> None:
+    state = reading.state_of(row)
+    if state in ("withdrawn", "closed"):
+        raise Conflict(f"the alarm is {state}: there is nothing left to {wish.kind}", extra={"state": state})
+    if wish.kind == ACKNOWLEDGE and row.acknowledged:
+        raise Conflict("the alarm is acknowledged already", extra={"state": state})
+    if wish.kind == SHELVE and row.condition == "cleared":
+        raise Conflict("the alarm has cleared: a shelf is for active alarms", extra={"state": state})
+    if wish.kind == UNSHELVE and not reading.is_shelved(row, now):
+        raise Conflict("the alarm is not on the shelf", extra={"state": state})
+
+
+def _last_known(session: Session, pump: Pump) -> datetime | None:
+    query = select(StoredAssessment.at).where(StoredAssessment.pump_id == pump.id)
+    return session.scalar(query.order_by(StoredAssessment.at.desc()).limit(1))

@@ -1,0 +1,206 @@
+"""Stored alarms follow the pump's history: they move, split and are withdrawn with it, and nothing goes unsaid."""
+
+import uuid
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import exists, select
+from sqlalchemy.orm import Session
+
+from service.alarms.life_cycle import PRIORITIES, QUIET, Action, Life, Point, lives, rules_of
+from service.alarms.reading import shown
+from service.database import Database
+from service.notifications.outbox import Event, announce
+from service.tables import Alarm, AlarmAction, Pump, Record, StoredAssessment
+from service.threshold_layers import effective_thresholds, pump_scopes
+
+
+def follow(session: Session, pump: Pump, thresholds: Mapping[str, float]) -> None:
+    """Bring the alarms of one pump in line with its stored assessments, and announce what changed.
+
+    The caller holds the pump's row lock (Postgres) or the write transaction (SQLite).
+    """
+    session.flush()
+    points = points_of(session, pump.id)
+    rows = list(session.scalars(select(Alarm).where(Alarm.pump_id == pump.id).order_by(Alarm.created_at, Alarm.id)))
+    actions = actions_of(session, pump.id) if rows else []
+    now = datetime.now(UTC)
+    alarms = lives(points, actions, rules_of(thresholds))
+    matched = _matched(alarms, rows)
+    held = {row.id: alarm for alarm, row in zip(alarms, matched, strict=True) if row is not None}
+    for alarm, row in zip(alarms, matched, strict=True):
+        before = None if row is None else _snapshot(row)
+        taken = row or _new(pump, now)
+        _write(taken, alarm)
+        if before is None:
+            session.add(taken)
+        _announce(session, pump, taken, before, now)
+    for row in rows:
+        if row.id not in held and row.withdrawn_at is None:
+            before = _snapshot(row)
+            _withdraw(row, alarms, matched, now)
+            _announce(session, pump, row, before, now)
+    session.flush()
+
+
+def catch_up(database: Database) -> int:
+    """Raise the alarms of pumps whose history was folded before there were alarms; gives how many pumps.
+
+    Safe to repeat: a pump that has alarms is left alone.
+    """
+    faulty = select(StoredAssessment.pump_id).where(StoredAssessment.state.not_in(QUIET)).distinct()
+    without = ~exists().where(Alarm.pump_id == Pump.id)
+    with database.reading() as session:
+        pump_ids = list(session.scalars(select(Pump.id).where(Pump.id.in_(faulty), without).order_by(Pump.id)))
+    for pump_id in pump_ids:
+        with database.writing() as session:
+            pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
+            layers = pump_scopes(pump.operator, pump.serial, pump.pump_type)
+            follow(session, pump, effective_thresholds(session, layers).values)
+    return len(pump_ids)
+
+
+def points_of(session: Session, pump_id: int) -> list[Point]:
+    """What alarms need of a pump's stored assessments, in event order."""
+    query = (
+        select(StoredAssessment.record_id, StoredAssessment.at, StoredAssessment.verdict, Record.flight_id)
+        .join(Record, Record.id == StoredAssessment.record_id)
+        .where(StoredAssessment.pump_id == pump_id)
+        .order_by(StoredAssessment.at, StoredAssessment.record_id)
+    )
+    return [point_of(*row) for row in session.execute(query)]
+
+
+def point_of(record_id: str, at: datetime, verdict: Mapping[str, Any], flight_id: str | None) -> Point:
+    """One assessment, in the shape of the API, as alarms see it."""
+    flow = (verdict.get("estimates") or {}).get("case_flow_at_reference_lpm") or {}
+    return Point(
+        record_id=record_id,
+        at=at,
+        flight_id=flight_id or record_id,
+        state=verdict["state"],
+        side=verdict["side"],
+        candidates=tuple(verdict["candidates"]),
+        case_flow_lpm=flow.get("mean"),
+    )
+
+
+def actions_of(session: Session, pump_id: int) -> list[Action]:
+    """Everything that was done about a pump's alarms."""
+    return [
+        Action(
+            number=row.id,
+            kind=row.kind,
+            by=row.by,
+            reason=row.reason,
+            until=row.until,
+            onset_at=row.onset_at,
+            seen_at=row.seen_at,
+            seen_state=row.seen_state,
+            seen_priority=row.seen_priority,
+            done_at=row.done_at,
+        )
+        for row in session.scalars(select(AlarmAction).where(AlarmAction.pump_id == pump_id).order_by(AlarmAction.id))
+    ]
+
+
+def _matched(alarms: Sequence[Life], rows: Sequence[Alarm]) -> list[Alarm | None]:
+    """The stored alarm that each one continues: first by the same onset, then by a shared stretch."""
+    found: list[Alarm | None] = [None] * len(alarms)
+    # a withdrawn alarm comes back only where no living one claims the stretch
+    waiting = sorted(rows, key=lambda r: r.withdrawn_at is not None)
+    for fits in (_same_onset, _shares_a_stretch):
+        for row in list(waiting):
+            place = next((i for i, a in enumerate(alarms) if found[i] is None and fits(a, row)), None)
+            if place is not None:
+                found[place] = row
+                waiting.remove(row)
+    return found
+
+
+def _same_onset(alarm: Life, row: Alarm) -> bool:
+    return alarm.covers(row.onset_at)
+
+
+def _shares_a_stretch(alarm: Life, row: Alarm) -> bool:
+    return row.withdrawn_at is None and alarm.overlaps(row.onset_at, row.cleared_at)
+
+
+def _new(pump: Pump, now: datetime) -> Alarm:
+    return Alarm(id=uuid.uuid4().hex, pump_id=pump.id, operator=pump.operator, created_at=now, changed_at=now)
+
+
+def _write(row: Alarm, alarm: Life) -> None:
+    row.onset_at, row.raised_at, row.record_id = alarm.onset_at, alarm.raised_at, alarm.record_id
+    row.condition = "active" if alarm.cleared_at is None else "cleared"
+    row.cleared_at, row.acknowledged = alarm.cleared_at, alarm.acknowledged
+    row.priority, row.beyond_limit = alarm.priority, alarm.beyond_limit
+    row.verdict_state, row.side, row.candidates = alarm.state, alarm.side, list(alarm.candidates)
+    row.shelved_until, row.closed_at = alarm.shelved_until, alarm.closed_at
+    row.withdrawn_at, row.cause = None, None
+    row.history = [dict(entry) for entry in alarm.history]
+
+
+def _withdraw(row: Alarm, alarms: Sequence[Life], matched: Sequence[Alarm | None], now: datetime) -> None:
+    other = next(
+        (m for a, m in zip(alarms, matched, strict=True) if m is not None and a.covers(row.onset_at)),
+        None,
+    )
+    row.withdrawn_at = now
+    row.cause = (
+        "the pump's records, as they stand now, no longer support it"
+        if other is None
+        else f"its stretch became part of alarm {other.id}, with what was done about it"
+    )
+    entry = {"event": "withdrawn", "at": now.isoformat().replace("+00:00", "Z"), "reason": row.cause}
+    row.history = [*row.history, entry]
+
+
+_WATCHED = (
+    "onset_at",
+    "raised_at",
+    "condition",
+    "acknowledged",
+    "priority",
+    "verdict_state",
+    "beyond_limit",
+    "shelved_until",
+    "closed_at",
+    "withdrawn_at",
+)
+
+
+def _snapshot(row: Alarm) -> dict[str, Any]:
+    return {name: getattr(row, name) for name in _WATCHED}
+
+
+def _announce(session: Session, pump: Pump, row: Alarm, before: Mapping[str, Any] | None, now: datetime) -> None:
+    if before is not None and before == _snapshot(row):
+        return
+    row.changed_at = now
+    document = shown(row, pump.serial, pump.pump_type, now)
+    for event in _events(row, before):
+        announce(session, pump.operator, event, document, now)
+
+
+def _events(row: Alarm, before: Mapping[str, Any] | None) -> list[Event]:
+    """Names of what happened between two versions of an alarm."""
+    if before is None:
+        return ["alarm.raised", "alarm.cleared"] if row.condition == "cleared" else ["alarm.raised"]
+    after = _snapshot(row)
+    if after["withdrawn_at"] is not None:
+        return ["alarm.withdrawn"]
+    if before["withdrawn_at"] is not None:
+        return ["alarm.raised"]
+    happened: dict[Event, bool] = {
+        "alarm.escalated": PRIORITIES.index(after["priority"]) > PRIORITIES.index(before["priority"]),
+        "alarm.reopened": (before["acknowledged"] and not after["acknowledged"])
+        or (before["condition"] == "cleared" and after["condition"] == "active"),
+        "alarm.shelved": after["shelved_until"] is not None and after["shelved_until"] != before["shelved_until"],
+        "alarm.unshelved": before["shelved_until"] is not None and after["shelved_until"] is None,
+        "alarm.closed": before["closed_at"] is None and after["closed_at"] is not None,
+        "alarm.acknowledged": not before["acknowledged"] and after["acknowledged"] and after["closed_at"] is None,
+        "alarm.cleared": before["condition"] == "active" and after["condition"] == "cleared",
+    }
+    return [name for name, has in happened.items() if has] or ["alarm.changed"]

@@ -1,0 +1,65 @@
+"""Judged chunks as compressed files, each named after everything that it depends on."""
+
+import functools
+import hashlib
+import os
+import zipfile
+from dataclasses import fields
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from detectors.evaluation.study import Outcome
+from detectors.thresholds import effective
+from service.evaluation.plan import Chunk
+from twin.compiled import cache_folder
+from twin.pumps import pump_type
+from twin.version import MODEL_NUMBER, twin_version
+
+_NAMES = tuple(f.name for f in fields(Outcome))
+
+
+def key(chunk: Chunk) -> str:
+    """Name of a chunk's result; another row, reality, seed, twin, threshold or source gives another name."""
+    depends = (chunk, twin_version(pump_type(chunk.pump_type)), sorted(effective({}).items()), _sources())
+    return hashlib.sha256(repr(depends).encode()).hexdigest()[:24]
+
+
+def kept(folder: Path, chunk: Chunk) -> Outcome | None:
+    """Result of a chunk; None if it is missing, or damaged: it is then worked out again."""
+    try:
+        with np.load(_path(folder, chunk), allow_pickle=False) as archive:
+            return Outcome(**{name: archive[name] for name in _NAMES})
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return None
+
+
+def keep(folder: Path, chunk: Chunk, outcome: Outcome) -> None:
+    """Write a chunk's result; a reader never sees half a file."""
+    path = _path(folder, chunk)
+    partial = path.with_suffix(f".{os.getpid()}.part")
+    with partial.open("wb") as file:
+        np.savez_compressed(file, **{name: getattr(outcome, name) for name in _NAMES})
+    partial.replace(path)
+
+
+def is_kept(folder: Path, chunk: Chunk) -> bool:
+    """Whether a readable result is there."""
+    return kept(folder, chunk) is not None
+
+
+def _path(folder: Path, chunk: Chunk) -> Path:
+    return folder / f"{key(chunk)}.npz"
+
+
+@functools.cache
+def _sources() -> str:
+    """Hash of the judge's and the simulator's sources with the fitted numbers that they read."""
+    digest = hashlib.sha256(f"{MODEL_NUMBER}".encode())
+    # named after every file of this project that the study imports, directly or not
+    digest.update(cache_folder("detectors.evaluation.study").name.encode())
+    for file in sorted(files("twin.pumps").iterdir(), key=lambda f: f.name):
+        if file.name.endswith(".json"):
+            digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()

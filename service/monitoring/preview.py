@@ -1,0 +1,170 @@
+"""What other thresholds would have done: the real fold on stored history, without writing."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from service.alarms.ledger import point_of, points_of
+from service.alarms.life_cycle import Life, Point, lives, rules_of
+from service.errors import Invalid, TooLarge
+from service.monitoring.analysis import thresholds_of
+from service.monitoring.archive import Archive
+from service.monitoring.codec import verdict_to_json
+from service.monitoring.fold import fold
+from service.monitoring.knowledge import Knowledge, entries, knowledge
+from service.monitoring.reanalysis import pumps_of
+from service.registry.findings import NO_FAULT_FOUND
+from service.security import Principal
+from service.tables import ANALYSED, Finding, Pump, Record
+from service.threshold_layers import Candidate, Scope, value_faults
+
+
+@dataclass(frozen=True, slots=True)
+class Workbench:
+    """What a preview works with; ``most_records`` bounds the work of one answer."""
+
+    session: Session
+    archive: Archive
+    most_records: int
+
+
+def preview(bench: Workbench, principal: Principal, scope: Scope, values: Mapping[str, float]) -> dict[str, Any]:
+    """Compare the alarms of today's thresholds with those of a candidate for one layer.
+
+    Only pumps that the principal may see are looked at. Actions of operators play no part on either side.
+
+    Raises
+    ------
+    Invalid
+        with every fault of the values.
+    TooLarge
+        when there are more records than one answer may take.
+    """
+    faults = value_faults(bench.session, scope, values)
+    if faults:
+        raise Invalid(f"{len(faults)} fault(s) in the thresholds; nothing was computed", faults)
+    started = time.perf_counter()
+    query = pumps_of(scope)
+    if principal.operator is not None:
+        query = query.where(Pump.operator == principal.operator)
+    pumps = list(bench.session.scalars(query))
+    n_records = _n_records(bench.session, [p.id for p in pumps])
+    total = sum(n_records.values())
+    if total > bench.most_records:
+        raise TooLarge(
+            f"this preview would fold {total} records, one answer may take {bench.most_records}: "
+            "preview a narrower scope",
+            extra={"records": total, "limit": bench.most_records, "pumps": len(pumps)},
+        )
+    items = [_compared(bench, pump, scope, values) for pump in pumps if n_records.get(pump.id)]
+    changed = [item for item in items if item["gained"] or item["lost"] or item["changed"]]
+    return {
+        "scope": scope.kind,
+        "id": scope.id,
+        "totals": {
+            "alarms_now": sum(item["alarms_now"] for item in items),
+            "alarms_with_candidate": sum(item["alarms_with_candidate"] for item in items),
+            "gained": sum(len(item["gained"]) for item in items),
+            "lost": sum(len(item["lost"]) for item in items),
+            "findings": _added([item["findings"] for item in items]),
+        },
+        "items": changed,
+        "cost": {
+            "pumps": len(items),
+            "records": total,
+            "limit": bench.most_records,
+            "seconds": round(time.perf_counter() - started, 3),
+        },
+    }
+
+
+def _n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:
+    query = select(Record.pump_id, func.count()).where(Record.pump_id.in_(pump_ids), Record.status == ANALYSED)
+    return {pump_id: int(n) for pump_id, n in session.execute(query.group_by(Record.pump_id)) if pump_id is not None}
+
+
+def _compared(bench: Workbench, pump: Pump, scope: Scope, values: Mapping[str, float]) -> dict[str, Any]:
+    now = thresholds_of(bench.session, pump.operator, pump.serial, pump.pump_type)
+    then = knowledge(bench.session, pump, bench.archive, candidate=Candidate(scope, values))
+    points = points_of(bench.session, pump.id)
+    others = _points_with(then)
+    before, after = lives(points, (), rules_of(now.values)), lives(others, (), rules_of(then.thresholds.values))
+    first = [alarms[0].raised_at if alarms else None for alarms in (before, after)]
+    findings = entries(bench.session, Finding, pump.id)
+    return {
+        "pump_serial": pump.serial,
+        "operator": pump.operator,
+        "alarms_now": len(before),
+        "alarms_with_candidate": len(after),
+        "gained": [_shown(a) for a in after if not _meets(a, before)],
+        "lost": [_shown(a) for a in before if not _meets(a, after)],
+        "changed": [_identity(a) for a in before] != [_identity(a) for a in after],
+        "first_alarm": {
+            "now": first[0],
+            "with_candidate": first[1],
+            "earlier_by_days": _days(first[0], first[1]),
+            "earlier_by_flights": _flights(points, first[0], first[1]),
+        },
+        "findings": {
+            "false_now": _false(before, findings),
+            "false_with_candidate": _false(after, findings),
+            "missed_now": _missed(before, findings),
+            "missed_with_candidate": _missed(after, findings),
+        },
+    }
+
+
+def _points_with(found: Knowledge) -> list[Point]:
+    """The pump's points as the candidate would have them."""
+    flights = {p.observation.record_id: p.observation.flight_id for p in found.known.placed}
+    return [
+        point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0), flights[a.record_id]) for a in fold(found.known)
+    ]
+
+
+def _meets(alarm: Life, others: Sequence[Life]) -> bool:
+    return any(alarm.overlaps(other.onset_at, other.cleared_at) for other in others)
+
+
+def _identity(alarm: Life) -> tuple[Any, ...]:
+    return alarm.onset_at, alarm.raised_at, alarm.cleared_at, alarm.state, alarm.priority
+
+
+def _shown(alarm: Life) -> dict[str, Any]:
+    return {
+        "onset_at": alarm.onset_at,
+        "raised_at": alarm.raised_at,
+        "cleared_at": alarm.cleared_at,
+        "verdict_state": alarm.state,
+        "priority": alarm.priority,
+    }
+
+
+def _days(now: datetime | None, then: datetime | None) -> float | None:
+    return None if now is None or then is None else round((now - then).total_seconds() / 86_400.0, 3)
+
+
+def _flights(points: Sequence[Point], now: datetime | None, then: datetime | None) -> int | None:
+    if now is None or then is None:
+        return None
+    low, high = sorted((now, then))
+    n = len({p.flight_id for p in points if low < p.at <= high})
+    return n if then < now else -n
+
+
+def _false(alarms: Sequence[Life], findings: Sequence[Finding]) -> int:
+    return sum(f.found == NO_FAULT_FOUND and any(a.covers(f.at) for a in alarms) for f in findings)
+
+
+def _missed(alarms: Sequence[Life], findings: Sequence[Finding]) -> int:
+    return sum(f.found != NO_FAULT_FOUND and not any(a.covers(f.at) for a in alarms) for f in findings)
+
+
+def _added(counts: Sequence[Mapping[str, int]]) -> dict[str, int]:
+    names = ("false_now", "false_with_candidate", "missed_now", "missed_with_candidate")
+    return {name: sum(c[name] for c in counts) for name in names}

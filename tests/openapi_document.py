@@ -1,0 +1,103 @@
+"""Writes docs/openapi.json; with ``--examples`` the answers in it are recorded anew from a run of the demo's pump."""
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from fastapi.testclient import TestClient
+
+from service.api_document.document import openapi_document
+from service.app import create_app
+from service.demo.fleet import PUMPS, pump_records
+from service.settings import Settings
+from tests.service.guarded import guarded_client, key
+from tests.service.matrix import API, ENDING, MATRIX, OPEN, PAGE, entered, seeded, sent
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCUMENT = ROOT / "docs" / "openapi.json"
+EXAMPLES = ROOT / "service" / "api_document" / "examples.json"
+MOST_ITEMS = 2
+_LAST = ("close", "DELETE")
+
+
+def document_text() -> str:
+    """The document as it is committed."""
+    document = openapi_document(create_app(Settings(auth="on")))
+    return json.dumps(document, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
+
+
+def recorded() -> dict[str, Any]:
+    """A good answer of every call that answers in JSON, from a worn pump of the demo."""
+    worn = next(p for p in PUMPS if "worn" in p.truth.words)
+    found = {}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        mock.patch("service.notifications.guard._resolved", return_value=["93.184.215.14"]),
+        mock.patch("service.notifications.worker.Postman.start"),
+        mock.patch("service.notifications.worker.Postman.stop"),
+        guarded_client(f"sqlite:///{folder}/examples.sqlite", Path(folder)) as client,
+    ):
+        names = seeded(client, "north", "P-7") | _flown(client, worn)
+        admin = key(client, "admin", "north", owner="head of north")
+        # what ends things comes last
+        for method, path in sorted(MATRIX, key=lambda r: (r == ENDING, _ends(r), r)):
+            entry = MATRIX[method, path]
+            if entry.refused or entry.role == PAGE or (entry.role == OPEN and path not in ("/healthz", "/readyz")):
+                continue
+            answer = sent(client, method, entry, names, **admin)
+            if answer.status_code >= 300:
+                raise RuntimeError(f"{method} {path}: {answer.status_code} {answer.text}")
+            if (
+                answer.content
+                and answer.headers["content-type"].startswith("application/json")
+                and not path.endswith("/raw")
+            ):
+                found[f"{method} {path}"] = _shortened(answer.json())
+    return found
+
+
+def _ends(route: tuple[str, str]) -> bool:
+    return any(word in (*route[1].split("/"), route[0]) for word in _LAST)
+
+
+def _flown(client: TestClient, worn: Any) -> dict[str, str]:
+    admin = key(client, "admin", "north", owner="head of north")
+    for record in pump_records(worn, 24, seed=1):
+        headers = {"content-type": "text/csv", **admin}
+        answer = client.post(f"{API}/records", content=record.content, headers=headers, params={"operator": "north"})
+        if answer.status_code != 201:
+            raise RuntimeError(answer.text)
+    entries = entered(client, admin, worn.serial, "F-HCAZ")
+    alarms = client.get(f"{API}/alarms", params={"pump": worn.serial}, headers=admin).json()["items"]
+    return {"pump": worn.serial, "record": answer.json()["record_id"], "alarm": alarms[0]["id"], **entries}
+
+
+def _shortened(value: Any) -> Any:
+    """An answer with its lists cut to what a reader needs."""
+    if isinstance(value, dict):
+        secrets = {"key": "cd_…", "secret": "whsec_…"}
+        return {
+            k: secrets[k] if k in secrets and str(v).startswith(secrets[k][:3]) else _shortened(v)
+            for k, v in value.items()
+        }
+    if isinstance(value, list):
+        return [_shortened(v) for v in value[:MOST_ITEMS]]
+    return round(value, 6) if isinstance(value, float) else value
+
+
+def main() -> int:
+    """Write what was asked for."""
+    if "--examples" in sys.argv[1:]:
+        EXAMPLES.write_text(json.dumps(recorded(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    DOCUMENT.write_text(document_text(), encoding="utf-8")
+    print(f"wrote {DOCUMENT.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

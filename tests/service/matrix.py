@@ -1,0 +1,275 @@
+"""Every route of the service: who may use it, with a request that names things of one operator.
+
+``{…}`` in a URL or body stands for a thing that ``seeded`` made. A route that is missing here fails a test.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.testclient import TestClient
+
+from tests.service.guarded import key
+from tests.service.histories import write_history
+from tests.service.records import body as record_body
+from tests.service.records import document as record_document
+
+API = "/api/v1"
+OPEN = "open"
+PAGE = "page"
+"""Instead of a role: needs no key; a page that a session of any role may see."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One route.
+
+    ``role`` is the lowest that may use it. ``named`` says that the request names a thing of one operator, so that
+    another operator's key gets 404; else it is answered from the asker's own data. ``refused`` says that no request
+    at all succeeds, whatever the role.
+    """
+
+    role: str
+    url: str
+    named: bool = False
+    body: Any = None
+    content: bytes | None = None
+    headers: Mapping[str, str] = field(default_factory=dict)
+    refused: bool = False
+
+
+_SOON = (datetime.now(UTC) + timedelta(days=2)).isoformat()
+_JSON = {"content-type": "application/json"}
+_POINT = {"conditions": [{"speed_rpm": 4600, "fluid_temperature_degc": 50}]}
+_PUT = {"values": {"case_flow_limit_lpm": 1.4}, "reason": "earlier warning"}
+
+_ENTRIES = f"{API}/pumps/{{pump}}"
+_HISTORY = f"{API}/pumps/{{serial}}"
+_PLACE = {"aircraft": "{aircraft}", "position": "RH", "from": "2021-01-01T00:00:00Z", "to": "2021-02-01T00:00:00Z"}
+_EVENT = {"at": "2021-01-01T00:00:00Z", "action": "filter_changed"}
+_FINDING = {"at": "2021-01-01T00:00:00Z", "found": "no_fault_found"}
+_CURVE = {
+    "points": [
+        {
+            "discharge_pressure_bar": 174.0,
+            "case_minus_reservoir_bar": 0.35,
+            "fluid_temperature_degc": 50.0,
+            "speed_rpm": speed,
+        }
+        for speed in (4500.0, 4600.0)
+    ]
+}
+ENDING = ("DELETE", f"{API}/operators/{{operator}}")
+"""Takes away everything that the other entries name."""
+
+MATRIX: dict[tuple[str, str], Entry] = {
+    ("POST", f"{API}/records"): Entry("analyst", f"{API}/records", content=record_body(), headers=_JSON),
+    ("GET", f"{API}/records"): Entry("viewer", f"{API}/records"),
+    ("GET", f"{API}/records/{{record_id}}"): Entry("viewer", f"{API}/records/{{record}}", True),
+    ("GET", f"{API}/records/{{record_id}}/windows"): Entry("viewer", f"{API}/records/{{record}}/windows", True),
+    ("GET", f"{API}/records/{{record_id}}/raw"): Entry("viewer", f"{API}/records/{{record}}/raw", True),
+    ("GET", f"{API}/pumps"): Entry("viewer", f"{API}/pumps"),
+    ("GET", f"{API}/pumps/{{serial}}"): Entry("viewer", f"{API}/pumps/{{pump}}", True),
+    ("GET", f"{API}/pumps/{{serial}}/verdict"): Entry("viewer", f"{API}/pumps/{{pump}}/verdict", True),
+    ("GET", f"{API}/pumps/{{serial}}/verdicts"): Entry("viewer", f"{API}/pumps/{{pump}}/verdicts", True),
+    ("GET", f"{API}/pumps/{{serial}}/trend"): Entry(
+        "viewer", f"{API}/pumps/{{pump}}/trend?metric=case_residual_bar", True
+    ),
+    ("GET", f"{API}/pumps/{{serial}}/damage-identification-curve"): Entry(
+        "viewer", f"{API}/pumps/{{pump}}/damage-identification-curve", True
+    ),
+    ("DELETE", f"{API}/records/{{record_id}}"): Entry("analyst", f"{API}/records/{{record}}?reason=mistaken", True),
+    ("GET", f"{API}/pumps/{{serial}}/verdicts/revisions"): Entry("viewer", f"{_ENTRIES}/verdicts/revisions", True),
+    ("POST", f"{API}/pumps"): Entry("engineer", f"{API}/pumps", body={"serial": "P-new"}),
+    ("PATCH", f"{API}/pumps/{{serial}}"): Entry("engineer", _ENTRIES, True, {"confirmed": True}),
+    ("GET", f"{_HISTORY}/installations"): Entry("viewer", f"{_ENTRIES}/installations", True),
+    ("POST", f"{_HISTORY}/installations"): Entry("engineer", f"{_ENTRIES}/installations", True, _PLACE),
+    ("PATCH", f"{_HISTORY}/installations/{{entry_id}}"): Entry(
+        "engineer", f"{_ENTRIES}/installations/{{installation}}", True, {"to": "2020-03-01T00:00:00Z"}
+    ),
+    ("DELETE", f"{_HISTORY}/installations/{{entry_id}}"): Entry(
+        "engineer", f"{_ENTRIES}/installations/{{installation}}", True
+    ),
+    ("GET", f"{_HISTORY}/maintenance"): Entry("viewer", f"{_ENTRIES}/maintenance", True),
+    ("POST", f"{_HISTORY}/maintenance"): Entry("engineer", f"{_ENTRIES}/maintenance", True, _EVENT),
+    ("PATCH", f"{_HISTORY}/maintenance/{{entry_id}}"): Entry(
+        "engineer", f"{_ENTRIES}/maintenance/{{maintenance}}", True, {"note": "both filters"}
+    ),
+    ("DELETE", f"{_HISTORY}/maintenance/{{entry_id}}"): Entry(
+        "engineer", f"{_ENTRIES}/maintenance/{{maintenance}}", True
+    ),
+    ("GET", f"{_HISTORY}/findings"): Entry("viewer", f"{_ENTRIES}/findings", True),
+    ("POST", f"{_HISTORY}/findings"): Entry("analyst", f"{_ENTRIES}/findings", True, _FINDING),
+    ("PATCH", f"{_HISTORY}/findings/{{entry_id}}"): Entry(
+        "analyst", f"{_ENTRIES}/findings/{{finding}}", True, {"measured_case_flow_lpm": 1.6}
+    ),
+    ("DELETE", f"{_HISTORY}/findings/{{entry_id}}"): Entry("analyst", f"{_ENTRIES}/findings/{{finding}}", True),
+    ("GET", f"{API}/aircraft"): Entry("viewer", f"{API}/aircraft"),
+    ("POST", f"{API}/aircraft"): Entry("engineer", f"{API}/aircraft", body={"aircraft": "F-new"}),
+    ("GET", f"{API}/aircraft/{{name}}"): Entry("viewer", f"{API}/aircraft/{{aircraft}}", True),
+    ("PATCH", f"{API}/aircraft/{{name}}"): Entry(
+        "engineer", f"{API}/aircraft/{{aircraft}}", True, {"aircraft_type": "H225"}
+    ),
+    ("GET", f"{API}/aircraft/{{name}}/positions/{{position}}/trend"): Entry(
+        "viewer", f"{API}/aircraft/{{aircraft}}/positions/LH/trend?metric=case_residual_bar", True
+    ),
+    ("GET", f"{API}/pump-types"): Entry("viewer", f"{API}/pump-types"),
+    ("POST", f"{API}/pump-types"): Entry(
+        "engineer", f"{API}/pump-types", body={"id": "rebuilt", "base": "h225"}, refused=True
+    ),
+    ("GET", f"{API}/pump-types/{{name}}"): Entry("viewer", f"{API}/pump-types/h225"),
+    ("GET", f"{API}/pump-types/{{name}}/reference-curve"): Entry("viewer", f"{API}/pump-types/h225/reference-curve"),
+    ("PUT", f"{API}/pump-types/{{name}}/reference-curve"): Entry(
+        "engineer", f"{API}/pump-types/h225/reference-curve", body=_CURVE
+    ),
+    ("GET", f"{API}/registry/{{kind}}.csv"): Entry("viewer", f"{API}/registry/pumps.csv"),
+    ("POST", f"{API}/registry/{{kind}}.csv"): Entry(
+        "engineer",
+        f"{API}/registry/pumps.csv",
+        content=b"serial,pump_type\nP-listed,h225\n",
+        headers={"content-type": "text/csv"},
+    ),
+    ("GET", f"{API}/operators"): Entry("admin", f"{API}/operators"),
+    ("GET", f"{API}/operators/deletions"): Entry("admin", f"{API}/operators/deletions"),
+    ("PATCH", f"{API}/operators/{{operator}}"): Entry(
+        "admin", f"{API}/operators/{{operator}}", True, {"retention_days": 730}
+    ),
+    ("GET", f"{API}/operators/{{operator}}/export"): Entry("admin", f"{API}/operators/{{operator}}/export", True),
+    ENDING: Entry("admin", f"{API}/operators/{{operator}}?confirm={{operator}}&reason=contract+ended", True),
+    ("GET", f"{API}/fleet/summary"): Entry("viewer", f"{API}/fleet/summary"),
+    ("GET", f"{API}/fleet/ranking"): Entry("viewer", f"{API}/fleet/ranking"),
+    ("GET", f"{API}/fleet/trend"): Entry("viewer", f"{API}/fleet/trend?metric=case_residual_bar&group_by=operator"),
+    ("GET", f"{API}/alarms"): Entry("viewer", f"{API}/alarms"),
+    ("GET", f"{API}/alarms/{{alarm_id}}"): Entry("viewer", f"{API}/alarms/{{alarm}}", True),
+    ("POST", f"{API}/alarms/{{alarm_id}}/acknowledge"): Entry("analyst", f"{API}/alarms/{{alarm}}/acknowledge", True),
+    ("POST", f"{API}/alarms/{{alarm_id}}/shelve"): Entry(
+        "analyst", f"{API}/alarms/{{alarm}}/shelve", True, {"reason": "spare arrives on Friday", "until": _SOON}
+    ),
+    ("POST", f"{API}/alarms/{{alarm_id}}/unshelve"): Entry("analyst", f"{API}/alarms/{{alarm}}/unshelve", True),
+    ("POST", f"{API}/alarms/{{alarm_id}}/close"): Entry(
+        "analyst", f"{API}/alarms/{{alarm}}/close", True, {"reason": "pump replaced"}
+    ),
+    ("GET", f"{API}/thresholds/keys"): Entry("viewer", f"{API}/thresholds/keys"),
+    ("POST", f"{API}/thresholds/preview"): Entry(
+        "analyst", f"{API}/thresholds/preview", True, {"scope": "pump", "id": "{pump}", "values": {"alarm_records": 5}}
+    ),
+    ("PUT", f"{API}/thresholds/{{scope}}/{{scope_id}}"): Entry(
+        "engineer", f"{API}/thresholds/pump/{{pump}}", True, _PUT, headers={"If-Match": "*"}
+    ),
+    ("GET", f"{API}/thresholds/{{scope}}/{{scope_id}}"): Entry(
+        "viewer", f"{API}/thresholds/operator/{{operator}}", True
+    ),
+    ("GET", f"{API}/thresholds/{{scope}}/{{scope_id}}/versions"): Entry(
+        "viewer", f"{API}/thresholds/pump/{{pump}}/versions", True
+    ),
+    ("POST", f"{API}/thresholds/{{scope}}/{{scope_id}}/versions/{{number}}/restore"): Entry(
+        "engineer", f"{API}/thresholds/operator/{{operator}}/versions/{{version}}/restore", True
+    ),
+    ("GET", f"{API}/keys"): Entry("admin", f"{API}/keys"),
+    ("POST", f"{API}/keys"): Entry("admin", f"{API}/keys", body={"owner": "office", "role": "viewer"}),
+    ("DELETE", f"{API}/keys/{{key_id}}"): Entry("admin", f"{API}/keys/{{key}}", True),
+    ("GET", f"{API}/users"): Entry("admin", f"{API}/users"),
+    ("POST", f"{API}/users"): Entry(
+        "admin", f"{API}/users", body={"name": "j.dupont", "password": "a long enough sentence", "role": "viewer"}
+    ),
+    ("PATCH", f"{API}/users/{{name}}"): Entry("admin", f"{API}/users/{{user}}", True, {"role": "analyst"}),
+    ("DELETE", f"{API}/users/{{name}}/sessions"): Entry("admin", f"{API}/users/{{user}}/sessions", True),
+    ("GET", f"{API}/webhooks"): Entry("admin", f"{API}/webhooks"),
+    ("POST", f"{API}/webhooks"): Entry("admin", f"{API}/webhooks", body={"url": "https://hooks.test/casedrain"}),
+    ("GET", f"{API}/webhooks/{{webhook_id}}/deliveries"): Entry(
+        "admin", f"{API}/webhooks/{{webhook}}/deliveries", True
+    ),
+    ("DELETE", f"{API}/webhooks/{{webhook_id}}"): Entry("admin", f"{API}/webhooks/{{webhook}}", True),
+    ("GET", f"{API}/audit"): Entry("admin", f"{API}/audit"),
+    ("POST", f"{API}/twin/operating-point"): Entry("viewer", f"{API}/twin/operating-point", body=_POINT),
+    ("GET", "/"): Entry(PAGE, "/"),
+    ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
+    ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
+    ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),
+    ("POST", "/sign-out"): Entry(OPEN, "/sign-out"),
+    ("GET", "/docs"): Entry(OPEN, "/docs"),
+    ("GET", "/openapi.json"): Entry(OPEN, "/openapi.json"),
+    ("GET", "/healthz"): Entry(OPEN, "/healthz"),
+    ("GET", "/readyz"): Entry(OPEN, "/readyz"),
+    ("GET", "/metrics"): Entry(OPEN, "/metrics"),
+}
+
+
+def routes_of(app: FastAPI) -> Iterator[tuple[str, str]]:
+    """Method and path of every route; HEAD goes with GET, and files that everybody may read are no routes."""
+    for route in app.routes:
+        inner: Callable[[], Sequence[Any]] = getattr(route, "effective_route_contexts", lambda route=route: [route])
+        for context in inner():
+            for method in (getattr(context, "methods", None) or set()) - {"HEAD"}:
+                yield method, context.path
+
+
+def filled(value: Any, names: Mapping[str, str]) -> Any:
+    """A URL or a body with the names of things in it."""
+    if isinstance(value, str):
+        for name, text in names.items():
+            value = value.replace(f"{{{name}}}", text)
+        return value
+    return {k: filled(v, names) for k, v in value.items()} if isinstance(value, dict) else value
+
+
+def sent(client: TestClient, method: str, entry: Entry, names: Mapping[str, str], **headers: str) -> Any:
+    """The answer to an entry's request."""
+    return client.request(
+        method,
+        filled(entry.url, names),
+        json=None if entry.body is None else filled(entry.body, names),
+        content=entry.content,
+        headers={**entry.headers, **headers},
+        follow_redirects=False,
+    )
+
+
+def seeded(client: TestClient, operator: str, serial: str) -> dict[str, str]:
+    """Everything that a request can name, made for one operator."""
+    admin = key(client, "admin", operator, owner=f"head of {operator}")
+    upload = record_body({**record_document(), "pump_serial": serial, "flight_id": f"flight-{operator}"})
+    record = client.post(f"{API}/records", content=upload, headers={**_JSON, **admin}).json()["record_id"]
+    hook = client.post(f"{API}/webhooks", json={"url": f"https://hooks.test/{operator}"}, headers=admin).json()["id"]
+    made = client.post(f"{API}/keys", json={"owner": f"office of {operator}", "role": "viewer"}, headers=admin).json()
+    user = f"user-of-{operator}"
+    for name in (user, f"reader-of-{operator}"):
+        account = {"name": name, "password": "a long enough sentence", "role": "viewer"}
+        assert client.post(f"{API}/users", json=account, headers=admin).status_code == 201
+    put = {"values": {"alarm_records": 4}, "reason": f"rule of {operator}"}
+    url = f"{API}/thresholds/operator/{operator}"
+    version = client.put(url, json=put, headers={**admin, "If-Match": "*"}).json()["version"]
+    with client.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
+        write_history(session, "hhi", serial=f"{serial}-B", operator=operator)
+    (alarm,) = client.get(f"{API}/alarms", headers=admin).json()["items"]
+    return {
+        "operator": operator,
+        "pump": serial,
+        "record": record,
+        "alarm": alarm["id"],
+        "webhook": hook,
+        "key": made["id"],
+        "user": user,
+        "version": str(version),
+        "aircraft": f"F-{operator}",
+        **entered(client, admin, serial, f"F-{operator}"),
+    }
+
+
+def entered(client: TestClient, who: Mapping[str, str], pump: str, aircraft: str) -> dict[str, str]:
+    """Entries about a pump and an aircraft, from long before any record: their ids."""
+    assert client.post(f"{API}/aircraft", json={"aircraft": aircraft}, headers=who).status_code == 201
+    early = {"from": "2020-01-01T00:00:00Z", "to": "2020-02-01T00:00:00Z"}
+    at = {"at": early["from"]}
+    found = {}
+    for what, name, new in (
+        ("installations", "installation", {"aircraft": aircraft, "position": "LH", **early}),
+        ("maintenance", "maintenance", {**at, "action": "filter_changed"}),
+        ("findings", "finding", {**at, "found": "no_fault_found"}),
+    ):
+        made = client.post(f"{API}/pumps/{pump}/{what}", json=new, headers=who)
+        assert made.status_code == 201, made.text
+        found[name] = made.json()["id"]
+    return found

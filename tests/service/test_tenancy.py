@@ -1,0 +1,163 @@
+"""Walks every route with every role and with another operator's key: nothing is done, shown, counted or hinted at."""
+
+import json
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi.testclient import TestClient
+
+from service.app import create_app
+from service.security import ROLES
+from service.settings import Settings
+from tests.service.guarded import guarded_client, key
+from tests.service.matrix import ENDING, MATRIX, OPEN, PAGE, routes_of, seeded, sent
+
+ROUTES = sorted(MATRIX, key=lambda route: (route == ENDING, route[0] == "DELETE", route))
+WRITES = [route for route in ROUTES if route[0] != "GET" and route[1].startswith("/api/") and route != ENDING]
+NO_CHANGE = ("/twin/", "/thresholds/preview")
+
+
+@pytest.fixture(autouse=True)
+def _names_resolve(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("service.notifications.guard._resolved", lambda *_: ["93.184.215.14"])
+    monkeypatch.setattr("service.notifications.webhook_call.call", lambda *_: None)
+    monkeypatch.setattr("service.notifications.worker.Postman.start", lambda _: None)
+    monkeypatch.setattr("service.notifications.worker.Postman.stop", lambda _: None)
+
+
+@contextmanager
+def signed_in(client: TestClient, name: str) -> Iterator[TestClient]:
+    """A browser with a session of its own."""
+    browser = TestClient(client.app, base_url="http://localhost", raise_server_exceptions=False)
+    token = re.findall(r'name="csrf_token" value="([^"]+)"', browser.get("/sign-in").text)[0]
+    form = {"csrf_token": token, "name": name, "password": "a long enough sentence"}
+    assert browser.post("/sign-in", data=form, follow_redirects=False).status_code == 303
+    yield browser
+
+
+def test_every_route_has_an_entry() -> None:
+    assert set(routes_of(create_app(Settings(auth="on")))) == set(MATRIX)
+
+
+class TestRoles:
+    @pytest.mark.parametrize("role", [None, *ROLES])
+    def test_who_may(self, database_url: str, tmp_path: Path, role: str | None) -> None:
+        with guarded_client(database_url, tmp_path) as client:
+            names = seeded(client, "north", "NORTH-1")
+            headers = {} if role is None else key(client, role, "north")
+            wrong = []
+            for method, path in ROUTES:
+                entry = MATRIX[method, path]
+                if entry.role in (OPEN, PAGE):
+                    continue
+                status = sent(client, method, entry, names, **headers).status_code
+                allowed = role is not None and ROLES.index(role) >= ROLES.index(entry.role)
+                expected = 401 if role is None else 403
+                if ((status not in (401, 403, 500)) if not allowed else status in (401, 403, 500)) or (
+                    not allowed and status != expected
+                ):
+                    wrong.append((method, path, status))
+            assert wrong == []
+
+    def test_pages_ask_for_a_session(self, database_url: str, tmp_path: Path) -> None:
+        with guarded_client(database_url, tmp_path) as client:
+            names = seeded(client, "north", "NORTH-1")
+            with signed_in(client, "reader-of-north") as browser:
+                for method, path in ROUTES:
+                    if MATRIX[method, path].role == PAGE:
+                        assert sent(client, method, MATRIX[method, path], names).headers["location"] == "/sign-in"
+                        assert sent(browser, method, MATRIX[method, path], names).status_code == 200, path
+
+    def test_what_is_open_holds_no_data(self, database_url: str, tmp_path: Path) -> None:
+        with guarded_client(database_url, tmp_path) as client:
+            names = seeded(client, "aquilo", "AQ-4711")
+            told = [text for name, text in names.items() if name != "version"]
+            for method, path in ROUTES:
+                if MATRIX[method, path].role == OPEN:
+                    text = sent(client, method, MATRIX[method, path], names).text.lower()
+                    assert [t for t in told if t.lower() in text] == [], path
+
+    def test_every_change_leaves_an_entry_in_the_audit_log(self, database_url: str, tmp_path: Path) -> None:
+        with guarded_client(database_url, tmp_path) as client:
+            names = seeded(client, "north", "NORTH-1")
+            admin = key(client, "admin", "north")
+            silent = []
+            for method, path in WRITES:
+                before = len(client.get("/api/v1/audit?limit=500", headers=admin).json()["items"])
+                status = sent(client, method, MATRIX[method, path], names, **admin).status_code
+                after = len(client.get("/api/v1/audit?limit=500", headers=admin).json()["items"])
+                grown = status < 300 and not any(part in path for part in NO_CHANGE)
+                if after - before != grown:
+                    silent.append((method, path, status, after - before))
+            assert silent == []
+
+    def test_the_end_of_an_operator_is_known_to_who_sees_everybody(self, database_url: str, tmp_path: Path) -> None:
+        with guarded_client(database_url, tmp_path) as client:
+            names = seeded(client, "north", "NORTH-1")
+            assert sent(client, ENDING[0], MATRIX[ENDING], names, **key(client, "admin", "north")).status_code == 200
+            (entry,) = client.get("/api/v1/audit", headers=key(client, "admin")).json()["items"]
+        assert (entry["action"], entry["subject"], entry["operator"]) == ("operator.delete", "operator/north", None)
+        assert entry["details"]["reason"] == "contract ended"
+
+
+class TestOperators:
+    """An operator's answers are the same whether or not another operator has data beside it."""
+
+    @staticmethod
+    def answers(client: TestClient, foreign: dict[str, str]) -> dict[tuple[str, str], tuple[int, str]]:
+        """What the southern admin hears when it asks for everything, with the northern names."""
+        south = key(client, "admin", "south")
+        found = {}
+        with signed_in(client, "reader-of-south") as browser:
+            for method, path in ROUTES:
+                entry = MATRIX[method, path]
+                if entry.role == OPEN:
+                    continue
+                asker, headers = (browser, {}) if entry.role == PAGE else (client, south)
+                answer = sent(asker, method, entry, foreign, **headers)
+                found[method, path] = (answer.status_code, normal(answer.text, foreign))
+        return found
+
+    def test_nothing_of_the_other_is_seen_or_done(self, database_url: str, tmp_path: Path) -> None:
+        with guarded_client(database_url, tmp_path / "both") as client:
+            north = seeded(client, "north", "NORTH-1")
+            seeded(client, "south", "SOUTH-1")
+            admin = key(client, "admin", "north")
+            before = everything(client, admin)
+            beside = self.answers(client, north)
+            assert everything(client, admin) == before
+        for route, (status, text) in beside.items():
+            expected = 404 if MATRIX[route].named else 422 if MATRIX[route].refused else None
+            assert status == expected if expected else status < 300, (route, status)
+            assert "north" not in text.lower(), route
+        with guarded_client(f"sqlite:///{tmp_path / 'alone.sqlite'}", tmp_path / "alone") as client:
+            seeded(client, "south", "SOUTH-1")
+            alone = self.answers(client, north)
+        different = [route for route in beside if beside[route] != alone[route]]
+        assert different == [], [(beside[r], alone[r]) for r in different]
+
+
+def everything(client: TestClient, who: dict[str, str]) -> dict[str, Any]:
+    """All that the northern admin sees of its own, but the times of use of keys."""
+    paths = ("records", "pumps", "alarms", "keys", "users", "webhooks", "audit", "thresholds/operator/north")
+    found = {path: client.get(f"/api/v1/{path}", headers=who).json() for path in paths}
+    for item in found["keys"]["items"]:
+        item.pop("last_used_at")
+    return found
+
+
+def normal(text: str, names: dict[str, str]) -> str:
+    """A text without what differs from run to run, and without the names that the request brought along."""
+    if text.startswith("{"):
+        text = json.dumps(json.loads(text), sort_keys=True)
+    for name, value in names.items():
+        if name != "version":
+            text = text.replace(value, f"<{name}>")
+    text = re.sub(r"\bcd_[\w-]{20,}|whsec_[\w+/=]+|[0-9a-f]{32}|20\d\d-\d\d-\d\dT[0-9:.]+Z", "*", text)
+    text = re.sub(r'name="csrf_token" value="[^"]+"', "", text)
+    # versions of thresholds are numbered by one counter for the whole service
+    return re.sub(r'"(version|effective_version|threshold_version)": \d+|version \d+', "version", text)
