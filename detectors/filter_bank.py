@@ -36,7 +36,7 @@ SPAWN_EVERY = 4
 MOST_ONSETS = 5
 _FIRST_RECORDS = 5
 _FIRST_ITERATIONS = 3
-_FITTED_ANEW_AT = (8, 12, 16, 24, 32, 48, 64, 128)
+_FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 """Records after which every filter is fitted to its whole history anew (``detectors.filter_refit``)."""
 _NOWHERE = np.empty(0)
 ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
@@ -160,7 +160,7 @@ class Bank:
         self.records += 1
         self.learnt.append(measurements)
         if self.records - self.base_records in _FITTED_ANEW_AT:
-            for _ in range(2 if self.records - self.base_records <= 32 else 1):
+            for _ in range(2 if self.records - self.base_records <= 16 else 1):
                 self._fit_anew()
         settled = self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0
         # half a bar of unknown reservoir pressure is as much as a worn pump makes: without the sensor nobody can say
