@@ -81,12 +81,12 @@ def test_a_reset_gives_the_population_s_spread_back() -> None:
 
 
 def test_a_second_fit_changes_little_where_the_first_was_good() -> None:
-    """Healthy pump after 40 records: the Gauss-Newton step stays within a third of the spread."""
+    """Healthy pump after 40 records: the Gauss-Newton step stays within one spread."""
     bank = learnt(history(23, 40), 40)
     before, spread = bank.mean[0].copy(), np.sqrt(np.diag(bank.covariance[0]))
     bank._fit_anew()
     known = spread > 0.0
-    assert (np.abs(bank.mean[0] - before)[known] < 0.34 * spread[known]).all()
+    assert (np.abs(bank.mean[0] - before)[known] < spread[known]).all()
 
 
 def test_covariances_stay_positive() -> None:
