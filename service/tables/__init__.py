@@ -2,6 +2,8 @@
 
 from service.tables.access import ApiKey
 from service.tables.base import Base, UtcDateTime
+from service.tables.jobs import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
+from service.tables.mappings import StoredMapping
 from service.tables.records import (
     ANALYSED,
     REFUSED,
@@ -17,16 +19,24 @@ from service.tables.thresholds import ThresholdVersion
 
 __all__ = [
     "ANALYSED",
+    "CANCELLED",
+    "FAILED",
+    "QUEUED",
     "REFUSED",
+    "RUNNING",
     "STORED",
+    "SUCCEEDED",
     "SUPERSEDED",
     "WITHDRAWN",
     "ApiKey",
     "Base",
+    "Job",
+    "JobItem",
     "Pump",
     "Record",
     "Refusal",
     "StoredAssessment",
+    "StoredMapping",
     "ThresholdVersion",
     "UtcDateTime",
 ]
