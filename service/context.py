@@ -7,10 +7,13 @@ from fastapi import Depends, Request
 
 from service.database import Database
 from service.errors import Unauthenticated
+from service.ingest.parser_pool import ParserPool
+from service.ingest.raw import Limits
 from service.monitoring.acceptance import Acceptance
 from service.raw_store import RawStore
 from service.security import EVERYBODY, Principal, principal_of, touch_key
 from service.settings import Settings
+from service.spool import Spool
 
 SESSION_COOKIE = "casedrain_session"
 
@@ -23,6 +26,14 @@ class Context:
     database: Database
     raw_store: RawStore
     acceptance: Acceptance
+    spool: Spool
+    parser: ParserPool
+    limits: Limits
+
+    def close(self) -> None:
+        """Close connections and end the parsing processes."""
+        self.parser.close()
+        self.database.close()
 
 
 def context_of(request: Request) -> Context:

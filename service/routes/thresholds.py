@@ -5,18 +5,21 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, BackgroundTasks, Header, Response
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from detectors.thresholds import KEYS
 from service import queries
-from service.context import Asker, ContextOf
+from service.context import Asker, Context, ContextOf
 from service.errors import Forbidden, NotFound
-from service.monitoring.reanalysis import refold_scope
+from service.jobs.requests import ask_for
+from service.monitoring.reanalysis import pumps_of_scope, refold_scope
 from service.security import Principal
 from service.threshold_layers import SCOPES, Effective, Scope, effective_thresholds, etag, latest, pump_scopes, put
 from twin.pumps import PUMP_TYPES
 
 router = APIRouter(prefix="/thresholds", tags=["thresholds"])
+_MOST_PUMPS_AT_ONCE = 20
 _UNITS = {key.name: key.unit for key in KEYS}
 
 
@@ -80,8 +83,20 @@ def change(
         found = effective_thresholds(session, layers)
         answer = _document(scope, scope_id, found, own.number, own.values)
         response.headers["ETag"] = etag(own)
-    background.add_task(refold_scope, context.database, context.raw_store, context.settings, layers[-1])
+    _refold(context, asker, background, layers[-1], own.number)
     return answer
+
+
+def _refold(context: Context, asker: Principal, background: BackgroundTasks, layer: Scope, version: int) -> None:
+    """Fold anew what the layer holds for: a few pumps right after the answer, more of them by a job."""
+    with context.database.reading() as session:
+        n_pumps = session.scalar(select(func.count()).select_from(pumps_of_scope(layer).order_by(None).subquery())) or 0
+    if n_pumps <= _MOST_PUMPS_AT_ONCE:
+        background.add_task(refold_scope, context.database, context.acceptance, layer)
+        return
+    operator = layer.id if layer.kind == "operator" else layer.operator
+    values = {"scope": layer.kind, "id": layer.id, "operator": layer.operator, "version": version}
+    ask_for(context, asker, "refold", operator, values)
 
 
 def _layers(session: Session, asker: Principal, scope: str, scope_id: str, operator: str | None) -> tuple[Scope, ...]:
