@@ -12,6 +12,7 @@ from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from prometheus_client import Counter, Histogram
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 import twin.warm_up
@@ -20,12 +21,15 @@ from service.context import Context
 from service.dashboard.pages import STATIC, page_router
 from service.database import Database, pending_migration, upgrade
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem
-from service.ingest.decode import Limits
+from service.ingest.parser_pool import ParserLimits, ParserPool
+from service.ingest.raw import Limits
+from service.jobs import engine
 from service.monitoring.acceptance import Acceptance
 from service.raw_store import RawStore
-from service.routes import fleet, keys, operations, pumps, records, thresholds
+from service.routes import bulk, exports, fleet, jobs, keys, mappings, operations, pumps, records, spectrum, thresholds
 from service.routes import twin as twin_routes
 from service.settings import Settings
+from service.spool import Spool
 
 API_PREFIX = "/api/v1"
 log = structlog.get_logger("casedrain")
@@ -43,9 +47,11 @@ def create_app(settings: Settings) -> FastAPI:
         twin.warm_up.warm_up()
         worker = threading.Thread(target=_pick_up, args=(context,), name="pick-up", daemon=True)
         worker.start()
+        await run_in_threadpool(engine.start, context)
         yield
+        await run_in_threadpool(engine.stop)
         worker.join(timeout=5.0)
-        context.database.close()
+        context.close()
 
     app = FastAPI(
         title="casedrain",
@@ -55,7 +61,7 @@ def create_app(settings: Settings) -> FastAPI:
         responses={"default": {"description": "Problem", "content": {PROBLEM_JSON: {}}}},
     )
     api = APIRouter(prefix=API_PREFIX)
-    for part in (records, pumps, fleet, thresholds, keys, twin_routes):
+    for part in (bulk, records, spectrum, mappings, jobs, exports, pumps, fleet, thresholds, keys, twin_routes):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(operations.router)
@@ -89,7 +95,11 @@ def opened(settings: Settings) -> Context:
         upgrade(settings.effective_database_url)
     raw_store = RawStore(settings.effective_raw_store_url)
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
-    return Context(settings, database, raw_store, Acceptance(database, raw_store, limits))
+    spool = Spool(settings.effective_spool_dir)
+    parser_limits = ParserLimits(settings.max_parse_seconds, settings.max_parse_memory_bytes)
+    parser = ParserPool(spool.folder, parser_limits, settings.parse_workers)
+    acceptance = Acceptance(database, raw_store, limits, spool, parser)
+    return Context(settings, database, raw_store, acceptance, spool, parser, limits)
 
 
 def _pick_up(context: Context) -> None:
