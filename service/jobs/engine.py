@@ -194,16 +194,17 @@ def _watch(engine: _Engine) -> None:
                 store.note_heartbeat(session, list(engine.running))
                 found = store.orphans(session)
             for job_id in found:
-                log.warning("job taken up again", job_id=job_id)
+                log.info("job looked after", job_id=job_id)
                 _take_up(job_id)
         except Exception:
             log.exception("looking for orphaned jobs failed")
 
 
 def _take_up(job_id: str) -> None:
-    if DBOS.get_workflow_status(job_id) is None:
+    status = DBOS.get_workflow_status(job_id)
+    if status is None:
         submit(job_id)
-    else:
+    elif status.status != "ENQUEUED":  # who waits in the queue has not been forgotten
         DBOS.resume_workflow(job_id, queue_name=QUEUE)
 
 

@@ -191,6 +191,47 @@ def test_jobs_of_other_operators_are_unseen(settings: Settings) -> None:
             assert foreign.status_code == 404
 
 
+def test_orphaned_jobs_are_taken_up(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that was stored and never queued, and one whose worker was taken away for good."""
+    from datetime import UTC, datetime, timedelta
+
+    from service.app import opened
+    from service.jobs import engine, store
+
+    monkeypatch.setattr(engine, "_WATCH_INTERVAL_S", 0.2)
+    context = opened(settings)
+    long_ago = datetime.now(UTC) - timedelta(hours=1)
+    with context.spool.of(archive({"a.json": flight(1)})) as file, context.database.writing() as session:
+        context.raw_store.put_file(file.path, file.digest)
+        values = {"content_hash": file.digest, "format": "zip"}
+        ids = []
+        for status in ("queued", "running"):
+            job = store.new_job(session, "bulk-import", "default", "somebody", values)
+            job.status, job.created_at, job.heartbeat_at = status, long_ago, long_ago
+            ids.append(job.id)
+    context.close()
+    with TestClient(create_app(settings)) as client:
+        assert [finished(client, job_id)["status"] for job_id in ids] == ["succeeded", "succeeded"]
+        assert client.get(f"{API}/pumps/P-1").json()["records"] == 1
+
+
+def test_thresholds_of_a_large_fleet_are_refolded_by_a_job(
+    client: TestClient, worn_records: list[DemoRecord], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from service.routes import thresholds
+
+    monkeypatch.setattr(thresholds, "_MOST_PUMPS_AT_ONCE", 0)
+    for record in worn_records[:3]:
+        client.post(f"{API}/records", content=record.content, headers={"content-type": "text/csv"})
+    change = {"values": {"case_flow_limit_lpm": 1.3}, "reason": "try"}
+    answer = client.put(f"{API}/thresholds/fleet/default", json=change, headers={"if-match": "*"})
+    assert answer.status_code == 200
+    (job,) = client.get(f"{API}/jobs", params={"kind": "refold"}).json()["items"]
+    assert finished(client, job["id"])["status"] == "succeeded"
+    serial = client.get(f"{API}/pumps").json()["items"][0]["serial"]
+    assert client.get(f"{API}/pumps/{serial}/verdict").json()["threshold_version"] == 1
+
+
 WORKER = """
 import sys, time
 from pathlib import Path
