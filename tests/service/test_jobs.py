@@ -17,6 +17,7 @@ from sqlalchemy import func, select
 
 from service.app import create_app
 from service.demo.fleet import DemoRecord
+from service.raw_store import content_hash
 from service.settings import Settings
 from service.tables import ANALYSED, JobItem, Record
 from tests.service.finished_job import finished
@@ -140,6 +141,24 @@ def test_a_dry_run_shows_what_would_change_and_changes_nothing(
         with database.reading() as session:
             old = select(StoredAssessment).where(StoredAssessment.state == "healthy_by_an_older_twin")
             assert len(session.scalars(old).all()) == left
+
+
+def test_a_pump_without_its_raw_bytes_stops_none_of_the_others(
+    client: TestClient, worn_records: list[DemoRecord]
+) -> None:
+    lost = worn_records[0].content
+    assert client.post(f"{API}/records", content=lost, headers={"content-type": "text/csv"}).status_code == 201
+    assert client.post(f"{API}/records", content=body(), headers={"content-type": "application/json"}).is_success
+    assert client.app.state.context.raw_store.remove(content_hash(lost))  # type: ignore[attr-defined]
+    verdict = client.get(f"{API}/pumps/{worn_records[0].pump.serial}/verdict").json()
+    job = finished(client, client.post(f"{API}/jobs", json={"kind": "reprocess"}).json()["id"])
+    assert job["status"] == "succeeded"
+    assert {item["pump"]: item["status"] for item in job["items"]} == {
+        worn_records[0].pump.serial: "failed",
+        document()["pump_serial"]: "unchanged",
+    }
+    assert "up_to_pump" not in job["parameters"]
+    assert client.get(f"{API}/pumps/{worn_records[0].pump.serial}/verdict").json() == verdict
 
 
 def test_bad_requests_for_jobs_are_refused_by_name(client: TestClient) -> None:

@@ -9,6 +9,7 @@ from fastapi.testclient import TestClient
 from sqlalchemy import func, select
 
 from service.tables import Pump, Record, Refusal, StoredMapping
+from tests.service.finished_job import finished
 from tests.service.records import METADATA, body, document
 
 API = "/api/v1"
@@ -85,6 +86,10 @@ def test_a_new_version_leaves_records_what_they_are(client: TestClient) -> None:
     clash = upload(client, export(), mapping="hums-export", ambient_pressure_bar="1.0")
     assert clash.status_code == 409
     assert clash.json()["record_id"] == record_id
+    assert client.get(f"{API}/pumps/P-1/verdict").json() == before
+    # read again from its raw bytes, it is read as it was sent
+    job = finished(client, client.post(f"{API}/jobs", json={"kind": "reprocess"}).json()["id"])
+    assert [item["status"] for item in job["items"]] == ["unchanged"]
     assert client.get(f"{API}/pumps/P-1/verdict").json() == before
 
 
