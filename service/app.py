@@ -14,6 +14,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from prometheus_client import Counter, Histogram
 from sqlalchemy.exc import DataError, OperationalError
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 import detectors.warm_up
@@ -26,8 +27,11 @@ from service.dashboard.pages import STATIC, page_router
 from service.dashboard.sign_in import sign_in_router
 from service.database import Database, pending_migration, upgrade
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Unavailable
-from service.ingest.decode import Limits
+from service.ingest.parser_pool import ParserLimits, ParserPool
+from service.ingest.raw import Limits
+from service.jobs import engine
 from service.monitoring.acceptance import Acceptance
+from service.monitoring.archive import Archive
 from service.notifications.worker import Postman
 from service.raw_store import RawStore
 from service.registry.deletion import finish_deletions
@@ -36,15 +40,20 @@ from service.routes import (
     aircraft,
     alarms,
     audit,
+    bulk,
+    exports,
     fleet,
     history,
+    jobs,
     keys,
+    mappings,
     operations,
     operators,
     pump_types,
     pumps,
     records,
     registry_files,
+    spectrum,
     thresholds,
     twin_isolability,
     twin_simulation,
@@ -53,6 +62,7 @@ from service.routes import (
 )
 from service.routes import twin as twin_routes
 from service.settings import Settings
+from service.spool import Spool
 
 API_PREFIX = "/api/v1"
 _DAY_S = 86_400.0
@@ -78,12 +88,14 @@ def create_app(settings: Settings) -> FastAPI:
             thread.start()
         postman = Postman(context.database, settings)
         postman.start()
+        await run_in_threadpool(engine.start, context)
         yield
+        await run_in_threadpool(engine.stop)
         stopped.set()
         postman.stop()
         for thread in (worker, keeper):
             thread.join(timeout=5.0)
-        context.database.close()
+        context.close()
 
     app = FastAPI(
         title="casedrain",
@@ -96,7 +108,12 @@ def create_app(settings: Settings) -> FastAPI:
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
     api = APIRouter(prefix=API_PREFIX)
     for part in (
+        bulk,
         records,
+        spectrum,
+        mappings,
+        jobs,
+        exports,
         pumps,
         history,
         aircraft,
@@ -151,7 +168,11 @@ def opened(settings: Settings) -> Context:
         upgrade(settings.effective_database_url)
     raw_store = RawStore(settings.effective_raw_store_url)
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
-    return Context(settings, database, raw_store, Acceptance(database, raw_store, limits))
+    spool = Spool(settings.effective_spool_dir)
+    parser_limits = ParserLimits(settings.max_parse_seconds, settings.max_parse_memory_bytes)
+    parser = ParserPool(spool.folder, parser_limits, settings.parse_workers)
+    archive = Archive(raw_store, spool, parser, limits)
+    return Context(settings, database, archive, Acceptance(database, archive))
 
 
 def _pick_up(context: Context) -> None:

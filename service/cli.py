@@ -36,6 +36,8 @@ complaints = Console(stderr=True)
 Files = Annotated[
     list[Path], typer.Argument(help="Flight records: CSV, gzipped CSV, JSON", exists=True, dir_okay=False)
 ]
+Url = Annotated[str, typer.Option(envvar="CASEDRAIN_URL", help="Where the service listens")]
+Key = Annotated[str | None, typer.Option(envvar="CASEDRAIN_KEY", help="API key")]
 Port = Annotated[int, typer.Option(help="Port to listen on")]
 
 
@@ -126,20 +128,25 @@ def serve(
 
 @app.command()
 def upload(
-    files: Files,
-    url: Annotated[
-        str, typer.Option(envvar="CASEDRAIN_URL", help="Where the service listens")
-    ] = "http://127.0.0.1:8000",
-    key: Annotated[str | None, typer.Option(envvar="CASEDRAIN_KEY", help="API key")] = None,
+    places: Annotated[
+        list[str],
+        typer.Argument(help="Flight records: files, folders (with all below them) and patterns like 'a/*.csv'"),
+    ],
+    url: Url = "http://127.0.0.1:8000",
+    key: Key = None,
+    mapping: Annotated[str | None, typer.Option(help="Name of the channel mapping that the files need")] = None,
 ) -> None:
-    """Upload flight records and print a result per file."""
-    from service.monitoring.offline import content_type_of  # noqa: PLC0415 - heavy, and only here
+    """Upload flight records and print a result per file; started again, it goes on: what is known stays as it is."""
+    from service.upload_files import content_type_of, files_of  # noqa: PLC0415 - only here
 
+    files, missing = files_of(places)
+    if missing:
+        raise _fail(f"no flight records at {', '.join(missing)}; nothing was uploaded", 2)
     n_refused = 0
     with Client(url, key) as client:
         for path in track(files, "uploading", console=complaints, transient=True):
             try:
-                answer = client.upload(path.read_bytes(), content_type_of(path))
+                answer = client.upload(path.read_bytes(), content_type_of(path), mapping=mapping)
             except RefusedError as error:
                 n_refused += 1
                 console.print(f"[red]refused[/]  {path}: {error}", highlight=False)
@@ -153,6 +160,40 @@ def upload(
                 )
     if n_refused:
         raise _fail(f"{n_refused} of {len(files)} files were refused")
+
+
+@app.command()
+def reprocess(
+    pump: Annotated[str | None, typer.Option(help="Only this serial number")] = None,
+    pump_type: Annotated[str | None, typer.Option(help="Only this pump type")] = None,
+    operator: Annotated[str | None, typer.Option(help="Only this operator")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would change, change nothing")] = False,
+    url: Url = "http://127.0.0.1:8000",
+    key: Key = None,
+) -> None:
+    """Reduce records and fold pumps anew with today's twin and thresholds; prints the verdicts that differ."""
+    parameters = {"pump": pump, "pump_type": pump_type, "dry_run": dry_run}
+    try:
+        with Client(url, key) as client, Progress(console=complaints, transient=True) as bar:
+            task = bar.add_task("reprocessing", total=None)
+            job = client.start_job("reprocess", parameters, operator)
+            job = client.finished_job(
+                job["id"], lambda done, total: bar.update(task, completed=done, total=total, refresh=True)
+            )
+            items = list(client.job_items(job["id"]))
+    except RefusedError as error:
+        raise _fail(str(error)) from None
+    except httpx2.HTTPError as error:
+        raise _fail(f"{url} does not answer ({error}): is `casedrain serve` running?") from None
+    for item in items:
+        if item["status"] == "failed":
+            left = f"{item['pump']} ({item['operator']}): left as it was, {item['problem']['detail']}"
+            complaints.print(left, highlight=False, markup=False)
+            continue
+        words = f"{item['pump']} ({item['operator']}): {item['changed']} of {item['records']} verdicts differ"
+        console.print(f"{words}; {item['state_before']} -> {item['state_after']}", highlight=False, markup=False)
+    if job["status"] != "succeeded":
+        raise _fail(f"the job is {job['status']}: {(job['problem'] or {}).get('detail', 'see its items')}")
 
 
 @app.command()

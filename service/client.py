@@ -1,25 +1,21 @@
-"""A small client of the HTTP API: typed, with retries that cannot store anything twice."""
+"""Clients of the HTTP API, synchronous and asynchronous: typed, with retries that cannot store anything twice."""
 
+import asyncio
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from types import TracebackType
 from typing import Any, Self
 from urllib.parse import quote
 
 import httpx2
 
-API_PREFIX = "/api/v1"
-_RETRIED = frozenset({429, 502, 503, 504})
+from service.client_requests import API_PREFIX, RefusedError, Retries, document_of, upload_request
 
-
-class RefusedError(Exception):
-    """The service refused a request; ``problem`` is its problem document."""
-
-    def __init__(self, problem: Mapping[str, Any]) -> None:
-        lines = [str(problem.get("detail", "refused"))]
-        lines += [f"  {e['where']}: {e['problem']}" for e in problem.get("errors", [])]
-        super().__init__("\n".join(lines))
-        self.problem = dict(problem)
+__all__ = ["API_PREFIX", "AsyncClient", "Client", "RefusedError"]
+Progress = Callable[[int, int | None], None]
+"""Called with the items done and their total, which is None until it is known."""
+_POLLING_S = 0.5
+_ENDED = frozenset({"succeeded", "failed", "cancelled"})
 
 
 class Client:
@@ -60,6 +56,7 @@ class Client:
         *,
         wait: bool = True,
         metadata: Mapping[str, str] | None = None,
+        mapping: str | None = None,
     ) -> dict[str, Any]:
         """Upload one record and return the service's answer.
 
@@ -70,25 +67,49 @@ class Client:
         httpx2.HTTPError
             when the service cannot be reached.
         """
-        params = {**(metadata or {}), **({} if wait else {"wait": "false"})}
-        headers = {"Content-Type": content_type}
-        return self._json("POST", "/records", content=content, params=params, headers=headers)
+        return self.request("POST", "/records", **upload_request(content, content_type, wait, metadata, mapping))
+
+    def upload_many(
+        self, content: bytes, content_type: str = "application/zip", *, mapping: str | None = None
+    ) -> dict[str, Any]:
+        """Upload a ZIP file or NDJSON of many records: the job that imports them."""
+        return self.request("POST", "/records/bulk", **upload_request(content, content_type, True, None, mapping))
+
+    def start_job(self, kind: str, parameters: Mapping[str, Any], operator: str | None = None) -> dict[str, Any]:
+        """Ask for a job."""
+        wanted = {"kind": kind, "parameters": dict(parameters), **({"operator": operator} if operator else {})}
+        return self.request("POST", "/jobs", json=wanted)
+
+    def job(self, job_id: str) -> dict[str, Any]:
+        """A job with its first items."""
+        return self.request("GET", f"/jobs/{quote(job_id, '')}")
+
+    def finished_job(self, job_id: str, progress: Progress | None = None) -> dict[str, Any]:
+        """Wait until a job has ended."""
+        while True:
+            job = self.job(job_id)
+            if progress is not None:
+                progress(job["progress"]["done"], job["progress"]["total"])
+            if job["status"] in _ENDED:
+                return job
+            time.sleep(_POLLING_S)
+
+    def job_items(self, job_id: str) -> Iterator[dict[str, Any]]:
+        """Every item of a job in order."""
+        return self.pages(f"/jobs/{quote(job_id, '')}/items")
 
     def pumps(self) -> Iterator[dict[str, Any]]:
         """All pumps that the key may see."""
-        cursor: str | None = None
-        while True:
-            page = self._json("GET", "/pumps", params={"cursor": cursor} if cursor else {})
-            yield from page["items"]
-            cursor = page["next"]
-            if cursor is None:
-                return
+        return self.pages("/pumps")
+
+    def records(self, **filters: str) -> Iterator[dict[str, Any]]:
+        """Records, the newest first; filters are those of ``GET /records``."""
+        return self.pages("/records", **filters)
 
     def verdict(self, serial: str, operator: str | None = None) -> dict[str, Any]:
         """Verdict of one pump now; ``operator`` tells apart pumps of the same serial number."""
-        return self._json(
-            "GET", f"/pumps/{quote(serial, '')}/verdict", params={"operator": operator} if operator else {}
-        )
+        params = {"operator": operator} if operator else {}
+        return self.request("GET", f"/pumps/{quote(serial, '')}/verdict", params=params)
 
     def is_ready(self) -> bool:
         """Whether the service can do its work."""
@@ -97,26 +118,111 @@ class Client:
         except httpx2.TransportError:
             return False
 
-    def _json(self, method: str, path: str, **request: Any) -> dict[str, Any]:
-        for attempt in range(self._retries + 1):
-            last = attempt == self._retries
+    def pages(self, path: str, **params: str) -> Iterator[dict[str, Any]]:
+        """Items of a paged list, page after page."""
+        cursor: str | None = None
+        while True:
+            page = self.request("GET", path, params={**params, **({"cursor": cursor} if cursor else {})})
+            yield from page["items"]
+            cursor = page["next"]
+            if cursor is None:
+                return
+
+    def request(self, method: str, path: str, **request: Any) -> dict[str, Any]:
+        """Any call of the API, repeated where that is safe and useful.
+
+        Raises
+        ------
+        RefusedError
+            with the service's problem document.
+        httpx2.HTTPError
+            when the service cannot be reached.
+        """
+        retries = Retries(self._retries)
+        while True:
             try:
                 response = self._http.request(method, API_PREFIX + path, **request)
             except httpx2.TransportError:
-                if last:
+                wait = retries.wait_after_loss()
+                if wait is None:
                     raise
-                time.sleep(0.2 * 2**attempt)
-                continue
-            if response.status_code in _RETRIED and not last:
-                wait = response.headers.get("retry-after", "")
-                time.sleep(float(wait) if wait.isdigit() else 0.2 * 2**attempt)
-                continue
-            break
-        if response.is_error:
+            else:
+                wait = retries.wait_after(response)
+                if wait is None:
+                    return document_of(response)
+            time.sleep(wait)
+
+
+class AsyncClient:
+    """Asynchronous client; parameters and errors are those of ``Client``."""
+
+    def __init__(self, base_url: str, key: str | None = None, *, retries: int = 4, timeout_s: float = 120.0) -> None:
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = httpx2.AsyncClient(base_url=base_url, headers=headers, timeout=timeout_s)
+        self._retries = retries
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._http.aclose()
+
+    async def upload(
+        self,
+        content: bytes,
+        content_type: str = "text/csv",
+        *,
+        wait: bool = True,
+        metadata: Mapping[str, str] | None = None,
+        mapping: str | None = None,
+    ) -> dict[str, Any]:
+        """Upload one record and return the service's answer."""
+        return await self.request("POST", "/records", **upload_request(content, content_type, wait, metadata, mapping))
+
+    async def start_job(self, kind: str, parameters: Mapping[str, Any], operator: str | None = None) -> dict[str, Any]:
+        """Ask for a job."""
+        wanted = {"kind": kind, "parameters": dict(parameters), **({"operator": operator} if operator else {})}
+        return await self.request("POST", "/jobs", json=wanted)
+
+    async def finished_job(self, job_id: str, progress: Progress | None = None) -> dict[str, Any]:
+        """Wait until a job has ended."""
+        while True:
+            job = await self.request("GET", f"/jobs/{quote(job_id, '')}")
+            if progress is not None:
+                progress(job["progress"]["done"], job["progress"]["total"])
+            if job["status"] in _ENDED:
+                return job
+            await asyncio.sleep(_POLLING_S)
+
+    async def pages(self, path: str, **params: str) -> AsyncIterator[dict[str, Any]]:
+        """Items of a paged list, page after page."""
+        cursor: str | None = None
+        while True:
+            page = await self.request("GET", path, params={**params, **({"cursor": cursor} if cursor else {})})
+            for item in page["items"]:
+                yield item
+            cursor = page["next"]
+            if cursor is None:
+                return
+
+    async def request(self, method: str, path: str, **request: Any) -> dict[str, Any]:
+        """Any call of the API, repeated where that is safe and useful."""
+        retries = Retries(self._retries)
+        while True:
             try:
-                problem = response.json()
-            except ValueError:
-                problem = {"detail": f"HTTP {response.status_code}"}
-            raise RefusedError(problem)
-        document: dict[str, Any] = response.json()
-        return document
+                response = await self._http.request(method, API_PREFIX + path, **request)
+            except httpx2.TransportError:
+                wait = retries.wait_after_loss()
+                if wait is None:
+                    raise
+            else:
+                wait = retries.wait_after(response)
+                if wait is None:
+                    return document_of(response)
+            await asyncio.sleep(wait)

@@ -7,13 +7,15 @@ from fastapi import Depends, Request
 
 from service.database import Database
 from service.errors import Unauthenticated
-from service.ingest.decode import Limits
+from service.ingest.parser_pool import ParserPool
+from service.ingest.raw import Limits
 from service.monitoring.acceptance import Acceptance
 from service.monitoring.archive import Archive
 from service.raw_store import RawStore
 from service.security import EVERYBODY, Principal, principal_of, touch_key
 from service.sessions import SESSION_COOKIE, Visitor, find_session
 from service.settings import Settings
+from service.spool import Spool
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +24,33 @@ class Context:
 
     settings: Settings
     database: Database
-    raw_store: RawStore
+    archive: Archive
     acceptance: Acceptance
+
+    @property
+    def raw_store(self) -> RawStore:
+        """Bytes as they were uploaded."""
+        return self.archive.raw_store
+
+    @property
+    def spool(self) -> Spool:
+        """Uploads on their way in."""
+        return self.archive.spool
+
+    @property
+    def parser(self) -> ParserPool:
+        """Processes that read files from outside."""
+        return self.archive.parser
+
+    @property
+    def limits(self) -> Limits:
+        """Bounds on inflation and rows."""
+        return self.archive.limits
+
+    def close(self) -> None:
+        """Close connections and end the parsing processes."""
+        self.parser.close()
+        self.database.close()
 
 
 def context_of(request: Request) -> Context:
@@ -74,12 +101,6 @@ def known_principal(database: Database, key: str) -> Principal:
         with database.writing() as session:
             touch_key(session, key)
     return found
-
-
-def archive_of(context: Context) -> Archive:
-    """Stored recordings, decoded within the limits of the settings."""
-    limits = Limits(context.settings.max_inflated_bytes, context.settings.max_rows)
-    return Archive(context.raw_store, limits)
 
 
 ContextOf = Annotated[Context, Depends(context_of)]

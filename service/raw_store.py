@@ -2,11 +2,16 @@
 
 import hashlib
 import os
+import shutil
 import uuid
+from collections.abc import Iterator
+from pathlib import Path
 
 import fsspec
 
 from service.errors import Unavailable
+
+_CHUNK = 1 << 20
 
 
 def content_hash(content: bytes) -> str:
@@ -39,6 +44,38 @@ class RawStore:
                 os.fsync(file.fileno())
         self._files.mv(partial, path)
         return digest
+
+    def put_file(self, path: Path, digest: str) -> None:
+        """Keep a file's bytes, whose hash is known, with bounded memory; as whole as ``put``."""
+        if self._files.exists(self._path(digest)):
+            return
+        self._files.makedirs(self._path(digest).rpartition("/")[0], exist_ok=True)
+        partial = f"{self._path(digest)}.{uuid.uuid4().hex}.partial"
+        with path.open("rb") as source, self._files.open(partial, "wb") as file:
+            shutil.copyfileobj(source, file, _CHUNK)
+            file.flush()
+            if hasattr(file, "fileno"):
+                os.fsync(file.fileno())
+        self._files.mv(partial, self._path(digest))
+
+    def chunks(self, digest: str) -> Iterator[bytes]:
+        """Bytes of a hash in parts, checked at their end.
+
+        Raises
+        ------
+        Unavailable
+            when they are gone, or have turned out not to be what their name says.
+        """
+        hashed = hashlib.sha256()
+        try:
+            with self._files.open(self._path(digest), "rb") as file:
+                while part := file.read(_CHUNK):
+                    hashed.update(part)
+                    yield part
+        except FileNotFoundError:
+            raise Unavailable(f"raw bytes {digest} are not in the raw store: check CASEDRAIN_RAW_STORE_URL") from None
+        if hashed.hexdigest() != digest:
+            raise Unavailable(f"the raw bytes {digest} are damaged in the raw store: restore them from a backup")
 
     def get(self, digest: str) -> bytes:
         """Bytes of a hash.

@@ -1,6 +1,7 @@
 """Settings from the environment (prefix ``CASEDRAIN_``) or a ``.env`` file."""
 
 import ipaddress
+import socket
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -32,6 +33,13 @@ class Settings(BaseSettings):
     smtp_user: str = ""
     smtp_password: SecretStr = SecretStr("")
     mail_from: str = "casedrain@localhost"
+    max_bulk_bytes: int = Field(default=2 * 2**30, ge=1024)
+    max_parse_seconds: float = Field(default=60.0, gt=0.0)
+    max_parse_memory_bytes: int = Field(default=2 * 2**30, ge=64 * 2**20)
+    parse_workers: int = Field(default=2, ge=1, le=64)
+    job_concurrency: int = Field(default=1, ge=1, le=64)
+    worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
+    """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""
 
     @cached_property
     def effective_database_url(self) -> str:
@@ -47,6 +55,11 @@ class Settings(BaseSettings):
     def webhook_hosts(self) -> frozenset[str]:
         """Hosts on the premises that webhooks may reach, from a list with commas."""
         return frozenset(h.strip().lower() for h in self.webhook_allowed_hosts.split(",") if h.strip())
+
+    @property
+    def effective_spool_dir(self) -> Path:
+        """Folder for uploads on their way in."""
+        return self.data_dir.resolve() / "spool"
 
     @property
     def auth_is_on(self) -> bool:

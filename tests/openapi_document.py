@@ -15,6 +15,7 @@ from service.api_document.document import openapi_document
 from service.app import create_app
 from service.demo.fleet import PUMPS, pump_records
 from service.settings import Settings
+from tests.service.bursts import burst_document
 from tests.service.guarded import guarded_client, key
 from tests.service.matrix import API, ENDING, MATRIX, OPEN, PAGE, entered, seeded, sent
 
@@ -38,6 +39,8 @@ def recorded() -> dict[str, Any]:
     with (
         tempfile.TemporaryDirectory() as folder,
         mock.patch("service.notifications.guard._resolved", return_value=["93.184.215.14"]),
+        mock.patch("service.jobs.engine.start"),
+        mock.patch("service.jobs.engine.stop"),
         mock.patch("service.notifications.worker.Postman.start"),
         mock.patch("service.notifications.worker.Postman.stop"),
         guarded_client(f"sqlite:///{folder}/examples.sqlite", Path(folder)) as client,
@@ -74,7 +77,14 @@ def _flown(client: TestClient, worn: Any) -> dict[str, str]:
             raise RuntimeError(answer.text)
     entries = entered(client, admin, worn.serial, "F-HCAZ")
     alarms = client.get(f"{API}/alarms", params={"pump": worn.serial}, headers=admin).json()["items"]
-    return {"pump": worn.serial, "record": answer.json()["record_id"], "alarm": alarms[0]["id"], **entries}
+    burst = client.post(f"{API}/records", json=burst_document(), headers=admin).json()["record_id"]
+    return {
+        "burst": burst,
+        "pump": worn.serial,
+        "record": answer.json()["record_id"],
+        "alarm": alarms[0]["id"],
+        **entries,
+    }
 
 
 def _shortened(value: Any) -> Any:

@@ -5,10 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from service.errors import Fault, TooLarge, Undecodable
-from service.ingest.raw import MOST_FAULTS_OF_A_KIND, RawRecord, capped
+from service.errors import Fault, Undecodable
+from service.ingest.raw import MOST_FAULTS_OF_A_KIND, Limits, RawRecord, capped, check_size
 
 CONTENT_TYPES = ("application/json",)
+_REPEATED = "\0repeated"
+"""Key under which an object remembers the names that it was given twice; no name of a channel holds a NUL."""
 
 
 def recognises(content: bytes) -> bool:
@@ -16,7 +18,7 @@ def recognises(content: bytes) -> bool:
     return content.lstrip()[:1] == b"{"
 
 
-def parsed(content: bytes, max_rows: int) -> RawRecord:
+def parsed(content: bytes, limits: Limits) -> RawRecord:
     """Read a JSON record; every bad sample becomes a fault with its channel and index.
 
     Raises
@@ -24,10 +26,10 @@ def parsed(content: bytes, max_rows: int) -> RawRecord:
     Undecodable
         when it is not a JSON object.
     TooLarge
-        when a channel has more than ``max_rows`` samples.
+        when it is larger than the limits.
     """
     try:
-        document = json.loads(content)
+        document = json.loads(content, object_pairs_hook=_unique)
     except (ValueError, RecursionError) as error:
         raise Undecodable("the body is not JSON", [Fault("body", str(error)[:200])]) from None
     if not isinstance(document, dict):
@@ -37,16 +39,26 @@ def parsed(content: bytes, max_rows: int) -> RawRecord:
     if not isinstance(raw, dict):
         what = "is missing" if raw is None else f"is a {type(raw).__name__}, not an object of arrays"
         return RawRecord(metadata, {}, [Fault("channels", what)])
-    channels, faults = {}, []
+    channels: dict[str, Any] = {}
+    faults = [Fault(f"channels.{name}", "appears twice") for name in raw.pop(_REPEATED, [])]
+    metadata_twice = metadata.pop(_REPEATED, [])
+    faults += [Fault(name, "appears twice") for name in metadata_twice]
     for name, samples in raw.items():
         if not isinstance(samples, list):
             faults.append(Fault(f"channels.{name}", f"is a {type(samples).__name__}, not an array"))
             continue
-        if len(samples) > max_rows:
-            raise TooLarge(f"channel {name} has more than {max_rows} samples")
+        check_size(len(samples), len(raw), limits)
         channels[name], bad = _numbers(name, samples)
         faults += bad
     return RawRecord(metadata, channels, faults)
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        found[_REPEATED] = sorted({name for name in names if names.count(name) > 1})
+    return found
 
 
 def _numbers(name: str, samples: list[Any]) -> tuple[Any, list[Fault]]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from service.errors import Fault
@@ -21,6 +21,8 @@ KNOWN = (
     "ambient_pressure_bar",
 )
 _LONGEST_TEXT = 200
+CLOCK_TOLERANCE = timedelta(days=1)
+"""A wrong zone shifts by up to 14 h; a record that is later than this cannot have been flown yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +43,10 @@ class RecordMetadata:
     foreign: Mapping[str, Any]
 
 
-def checked_metadata(values: Mapping[str, Any]) -> tuple[RecordMetadata | None, list[Fault]]:
-    """Metadata with every fault in it; None when there is any."""
+def checked_metadata(
+    values: Mapping[str, Any], now: datetime | None = None
+) -> tuple[RecordMetadata | None, list[Fault]]:
+    """Metadata with every fault in it; None when there is any. ``now`` is the latest instant but for clocks' error."""
     faults: list[Fault] = []
     texts = {
         name: _text(name, values.get(name), name in TEXTS_REQUIRED, faults)
@@ -52,7 +56,7 @@ def checked_metadata(values: Mapping[str, Any]) -> tuple[RecordMetadata | None, 
         faults.append(
             Fault("pump_type", f"{texts['pump_type']!r} is not known; known: {', '.join(sorted(PUMP_TYPES))}")
         )
-    started_at = _instant(values.get("started_at"), faults)
+    started_at = _instant(values.get("started_at"), now or datetime.now(UTC), faults)
     hours = _number("flight_hours", values.get("flight_hours"), 0.0, 1e6, faults)
     reference = str(values.get("pressure_reference") or "gauge")
     if reference not in ("gauge", "absolute"):
@@ -93,7 +97,7 @@ def _text(name: str, value: Any, required: bool, faults: list[Fault]) -> str | N
     return text
 
 
-def _instant(value: Any, faults: list[Fault]) -> datetime | None:
+def _instant(value: Any, now: datetime, faults: list[Fault]) -> datetime | None:
     if value is None or value == "":
         faults.append(Fault("started_at", "is missing"))
         return None
@@ -106,10 +110,15 @@ def _instant(value: Any, faults: list[Fault]) -> datetime | None:
         faults.append(Fault("started_at", f"{value!r} has no time zone: write Z for UTC"))
         return None
     try:
-        return instant.astimezone(UTC)
+        instant = instant.astimezone(UTC)
     except OverflowError:
         faults.append(Fault("started_at", f"{value!r} is outside the calendar"))
         return None
+    if instant > now + CLOCK_TOLERANCE:
+        text = f"{value!s} lies in the future: check the recorder's clock and the time zone"
+        faults.append(Fault("started_at", text))
+        return None
+    return instant
 
 
 def _number(name: str, value: Any, low: float, high: float, faults: list[Fault]) -> float | None:

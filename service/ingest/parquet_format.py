@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from service.errors import Fault, TooLarge, Undecodable, UnknownType
-from service.ingest.raw import RawRecord
+from service.errors import Fault, Undecodable, UnknownType
+from service.ingest.raw import Limits, RawRecord, check_size
 
 CONTENT_TYPES = ("application/vnd.apache.parquet",)
 _MAGIC = b"PAR1"
@@ -17,7 +17,7 @@ def recognises(content: bytes) -> bool:
     return content.startswith(_MAGIC)
 
 
-def parsed(content: bytes, max_rows: int) -> RawRecord:
+def parsed(content: bytes, limits: Limits) -> RawRecord:
     """Read a Parquet record; the row count is read from the footer before anything is decoded.
 
     Raises
@@ -25,7 +25,7 @@ def parsed(content: bytes, max_rows: int) -> RawRecord:
     UnknownType
         when pyarrow is not installed.
     Undecodable, TooLarge
-        when it is no Parquet file, or has more than ``max_rows`` rows.
+        when it is no Parquet file, or is larger than the limits.
     """
     try:
         import pyarrow as pa  # noqa: PLC0415 - an extra
@@ -34,8 +34,7 @@ def parsed(content: bytes, max_rows: int) -> RawRecord:
         raise UnknownType("reading Parquet needs the extra: pip install 'casedrain[parquet]'") from None
     try:
         file = pq.ParquetFile(io.BytesIO(content))
-        if file.metadata.num_rows > max_rows:
-            raise TooLarge(f"the file has more than {max_rows} rows")
+        check_size(file.metadata.num_rows, file.metadata.num_columns, limits)
         table = file.read()
     except (pa.ArrowException, OSError, ValueError) as error:
         raise Undecodable("the body is not a readable Parquet file", [Fault("body", str(error)[:200])]) from None
@@ -44,9 +43,12 @@ def parsed(content: bytes, max_rows: int) -> RawRecord:
         for key, value in (table.schema.metadata or {}).items()
         if not key.startswith((b"ARROW:", b"pandas"))
     }
-    channels, faults = {}, []
-    for name in table.column_names:
-        column = table.column(name)
+    channels: dict[str, Any] = {}
+    faults: list[Fault] = []
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        if name in channels:
+            faults.append(Fault(f"column {name}", "appears twice"))
+            continue
         if pa.types.is_integer(column.type) or pa.types.is_floating(column.type) or pa.types.is_null(column.type):
             channels[name] = np.array(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
         else:

@@ -11,6 +11,9 @@ from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, TIME
 Samples = NDArray[np.float64]
 
 SHORTEST = 2
+_STRETCHES = 10
+_SHORTEST_STRETCH = 10
+_LARGEST_RATE_CHANGE = 3.0
 _RUNNING_RPM = 200.0
 _LOWEST_OPERATING_FRACTION = 0.15
 """A pump whose rotor turns is faster than this share of nominal; below it and above standstill sits a wrong unit."""
@@ -64,7 +67,28 @@ def _time_faults(time: Samples) -> list[Fault]:
         Fault(f"channels.{TIME}[{int(i) + 1}]", f"does not increase: {time[i + 1]:g} s after {time[i]:g} s")
         for i in steps[:MOST_FAULTS_OF_A_KIND]
     ]
-    return faults + capped(backwards, len(steps) - MOST_FAULTS_OF_A_KIND, "steps back in time", f"channels.{TIME}")
+    faults += capped(backwards, len(steps) - MOST_FAULTS_OF_A_KIND, "steps back in time", f"channels.{TIME}")
+    return faults or _sampling_faults(time)
+
+
+def _sampling_faults(time: Samples) -> list[Fault]:
+    """A sampling rate that changes for good; single gaps and jitter leave the medians of long stretches alone."""
+    if len(time) < _STRETCHES * _SHORTEST_STRETCH:
+        return []
+    steps = np.diff(time)
+    length = len(steps) // _STRETCHES
+    periods = np.median(steps[: _STRETCHES * length].reshape(_STRETCHES, length), axis=1)
+    change = np.flatnonzero(
+        np.maximum(periods[1:], periods[:-1]) >= _LARGEST_RATE_CHANGE * np.minimum(periods[1:], periods[:-1])
+    )
+    if len(change) == 0:
+        return []
+    i = int(change[0])
+    text = (
+        f"sampling jumps from {1.0 / periods[i]:.4g} Hz to {1.0 / periods[i + 1]:.4g} Hz about here: "
+        "upload the parts as segments"
+    )
+    return [Fault(f"channels.{TIME}[{(i + 1) * length}]", text)]
 
 
 def unit_faults(channels: dict[str, Samples], pump: PumpType) -> list[Fault]:
@@ -83,7 +107,7 @@ def unit_faults(channels: dict[str, Samples], pump: PumpType) -> list[Fault]:
 def _running_faults(channels: dict[str, Samples], pump: PumpType) -> list[Fault]:
     """Faults that only a running pump shows: speed in another unit, pressures a hundred times too small."""
     pressure, speed = channels.get("discharge_pressure_bar"), channels.get("shaft_speed_rpm")
-    if pressure is None or speed is None or len(pressure) != len(speed):
+    if pressure is None or speed is None or len(pressure) != len(speed) or len(speed) == 0:
         return []
     setting = pump.limits["zero_flow_pressure_low_bar"].value
     faults = []

@@ -16,26 +16,32 @@ from sqlalchemy.orm import Session
 from service import audit
 from service.database import Database
 from service.errors import Conflict, Fault, Invalid, NotFound, Problem
-from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord, Limits, decode
+from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
+from service.ingest.mapping_version import MappingVersion
+from service.ingest.parse import check_type
 from service.monitoring.analysis import analysed, thresholds_of
-from service.monitoring.archive import Archive
+from service.monitoring.archive import Archive, RegisteredType
 from service.monitoring.knowledge import setting_of
 from service.monitoring.refold import Cause, refold
-from service.raw_store import RawStore, content_hash
 from service.registry.arrival import known_aircraft
 from service.security import Principal
+from service.spool import SpooledFile
 from service.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
 
 
 @dataclass(frozen=True, slots=True)
 class Upload:
-    """One upload as it came; ``overrides`` are metadata of the request, which win over those of the file."""
+    """One upload as it came; ``overrides`` are metadata of the request, which win over those of the file.
 
-    content: bytes
+    ``mapping`` is the version of a channel mapping that the request names.
+    """
+
+    file: SpooledFile
     content_type: str
     content_encoding: str
     overrides: Mapping[str, str]
     supersedes: str | None = None
+    mapping: MappingVersion | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +55,9 @@ class Accepted:
 class Acceptance:
     """Takes uploads into one database and one raw store."""
 
-    def __init__(self, database: Database, raw_store: RawStore, limits: Limits) -> None:
+    def __init__(self, database: Database, archive: Archive) -> None:
         self._database = database
-        self._raw_store = raw_store
-        self._limits = limits
-        self._archive = Archive(raw_store, limits)
+        self._archive = archive
 
     def accept(self, upload: Upload, principal: Principal) -> Accepted:
         """Check, store and analyse an upload before answering.
@@ -67,6 +71,7 @@ class Acceptance:
         request_hash = _request_hash(operator, upload)
         known = self._known(request_hash)
         if known is not None:
+            self.process(known)  # an earlier attempt may have ended right after it stored the bytes
             return Accepted(known, known=True)
         try:
             decoded = self._decoded(upload, operator)
@@ -83,14 +88,15 @@ class Acceptance:
         known = self._known(request_hash)
         if known is not None:
             return Accepted(known, known=True)
-        if not upload.content:
+        check_type(upload.content_type, upload.content_encoding)
+        if not upload.file.size:
             self._decoded(upload, operator)  # raises what an empty body deserves
         return Accepted(*self._keep(upload, operator, request_hash, principal))
 
     def _keep(self, upload: Upload, operator: str, request_hash: str, principal: Principal) -> tuple[str, bool]:
         """Keep the bytes and commit a ``stored`` row: its id, and whether another upload was there first."""
-        digest = self._raw_store.put(upload.content)
-        row = _new_row(upload, operator, digest, request_hash)
+        self._archive.raw_store.put_file(upload.file.path, upload.file.digest)
+        row = _new_row(upload, operator, request_hash)
         try:
             with self._database.writing() as session:
                 earlier = session.get(Record, row.id)
@@ -118,11 +124,8 @@ class Acceptance:
             row = session.get(Record, record_id)
             if row is None or row.status != STORED:
                 return
-        content = self._raw_store.get(row.content_hash)
-        request = row.request
-        upload = Upload(content, row.content_type, request["encoding"], request["overrides"], row.supersedes)
         try:
-            decoded = self._decoded(upload, row.operator)
+            decoded = self._archive.decoded_again(row, self._registered(row.operator))
             if decoded.metadata.operator not in (None, row.operator):
                 raise Invalid("the file names another operator", [Fault("operator", "is not the uploader's")])
             self._finish(record_id, decoded, row.operator)
@@ -133,14 +136,22 @@ class Acceptance:
                     stored.status, stored.problem = REFUSED, problem.body()
 
     def _decoded(self, upload: Upload, operator: str) -> DecodedRecord:
+        return self._archive.decoded(
+            upload.file,
+            upload.content_type,
+            upload.content_encoding,
+            upload.overrides,
+            upload.mapping,
+            self._registered(operator),
+        )
+
+    def _registered(self, operator: str) -> RegisteredType:
         def registered(named: str | None, serial: str) -> str | None:
             with self._database.reading() as session:
                 query = select(Pump.pump_type).where(Pump.operator == (named or operator), Pump.serial == serial)
                 return session.scalar(query)
 
-        return decode(
-            upload.content, upload.content_type, upload.content_encoding, upload.overrides, self._limits, registered
-        )
+        return registered
 
     def _known(self, request_hash: str) -> str | None:
         with self._database.reading() as session:
@@ -150,7 +161,7 @@ class Acceptance:
     def _store(
         self, upload: Upload, decoded: DecodedRecord, operator: str, request_hash: str, principal: Principal
     ) -> Accepted:
-        identity = _identity_hash(operator, content_hash(upload.content), decoded)
+        identity = _identity_hash(operator, upload.file.digest, decoded, upload.mapping)
         with self._database.reading() as session:
             known = session.scalar(select(Record.id).where(Record.identity_hash == identity))
             if known is not None:
@@ -204,7 +215,8 @@ class Acceptance:
                 row.started_at, row.flight_hours = started_at, metadata.flight_hours
                 row.pump_type = metadata.pump_type
                 row.attributes = dict(decoded.recording.attributes)
-                row.identity_hash = _identity_hash(operator, row.content_hash, decoded)
+                mapping = MappingVersion.from_json(row.request["mapping"]) if row.request.get("mapping") else None
+                row.identity_hash = _identity_hash(operator, row.content_hash, decoded, mapping)
                 row.reduction, row.residuals = analysis.reduction, analysis.residuals
                 row.reduced_with = analysis.key
                 row.status = ANALYSED
@@ -221,22 +233,26 @@ class Acceptance:
                 Refusal(
                     id=uuid.uuid4().hex,
                     operator=operator,
-                    content_hash=content_hash(upload.content),
+                    content_hash=upload.file.digest,
                     received_at=datetime.now(UTC),
                     problem=problem.body(),
                 )
             )
 
 
-def _new_row(upload: Upload, operator: str, digest: str, request_hash: str) -> Record:
+def _new_row(upload: Upload, operator: str, request_hash: str) -> Record:
     return Record(
         # a function of what was uploaded, so that records of one instant fold in the same order everywhere
         id=request_hash[:32],
         operator=operator,
         segment="",
-        request={"encoding": upload.content_encoding, "overrides": dict(upload.overrides)},
+        request={
+            "encoding": upload.content_encoding,
+            "overrides": dict(upload.overrides),
+            "mapping": upload.mapping.to_json() if upload.mapping else None,
+        },
         attributes={},
-        content_hash=digest,
+        content_hash=upload.file.digest,
         content_type=upload.content_type,
         status=STORED,
         request_hash=request_hash,
@@ -293,21 +309,26 @@ def _check_flight(session: Session, decoded: DecodedRecord, operator: str, super
 
 
 def _request_hash(operator: str, upload: Upload) -> str:
-    parts = {
+    parts: dict[str, Any] = {
         "operator": operator,
-        "bytes": content_hash(upload.content),
+        "bytes": upload.file.digest,
         "type": upload.content_type.partition(";")[0].strip().lower(),
         "encoding": upload.content_encoding.strip().lower(),
         "overrides": dict(sorted(upload.overrides.items())),
         "supersedes": upload.supersedes,
     }
+    if upload.mapping is not None:
+        parts["mapping"] = upload.mapping.to_json()
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
-def _identity_hash(operator: str, digest: str, decoded: DecodedRecord) -> str:
+def _identity_hash(operator: str, digest: str, decoded: DecodedRecord, mapping: MappingVersion | None) -> str:
     metadata = decoded.metadata
     effective: dict[str, Any] = {
         name: str(getattr(metadata, name)) for name in metadata.__slots__ if name not in ("foreign", "operator")
     }
     parts = {"operator": operator, "bytes": digest, "metadata": effective}
+    if mapping is not None:
+        # what the bytes mean depends on how their channels are read, not on the name of the mapping
+        parts["mapping"] = mapping.to_json()["document"]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()

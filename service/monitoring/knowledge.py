@@ -53,6 +53,8 @@ def knowledge(
     archive: Archive,
     known_at: datetime | None = None,
     candidate: Candidate | None = None,
+    *,
+    reduce_anew: bool = False,
 ) -> Knowledge:
     """Gather what is known of a pump.
 
@@ -63,6 +65,8 @@ def knowledge(
         and so do entries, thresholds and registry values of that time.
     candidate
         Thresholds that stand in for those of one layer; None for the stored ones alone.
+    reduce_anew
+        Read every record again from its raw bytes, where they are kept.
     """
     rows = counting_records(session, pump.id, known_at)
     kind, registered = _kind(session, pump, rows, known_at)
@@ -81,7 +85,7 @@ def knowledge(
         reduction, flags = row.reduction, place.flags + _record_flags(row, kind, registered, setting)
         if setting not in keys:
             keys[setting] = analysis_key(kind, setting, thresholds)
-        if reduction is None or row.reduced_with != keys[setting]:
+        if reduce_anew or reduction is None or row.reduced_with != keys[setting]:
             if reduction is not None and row.raw_removed_at is not None:
                 flags += ("raw bytes are no longer kept: analysed as they were before",)
             else:

@@ -16,10 +16,8 @@ from service.errors import Problem
 from service.ingest.decode import DEFAULT_PUMP_TYPE, Limits, decode
 from service.monitoring.setting import DEFAULT_CIRCUIT
 from service.raw_store import content_hash
+from service.upload_files import content_type_of
 from twin.pumps import circuit_parameters, pump_type
-
-CONTENT_TYPES = {".csv": "text/csv", ".json": "application/json", ".gz": "application/gzip"}
-"""Suffixes that say it all; Parquet and HDF5 are recognised by their first bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +46,6 @@ class OfflineAnalysis:
 
     pumps: tuple[AnalysedPump, ...]
     refused: tuple[tuple[Path, Problem], ...]
-
-
-def content_type_of(path: Path) -> str:
-    """Content type by a file's suffix; unknown ones are recognised by their first bytes."""
-    return CONTENT_TYPES.get(path.suffix.lower(), "application/octet-stream")
 
 
 def analyse_files(paths: Sequence[Path], limits: Limits, overrides: dict[str, Any] | None = None) -> OfflineAnalysis:

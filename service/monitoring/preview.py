@@ -49,31 +49,20 @@ def preview(bench: Workbench, principal: Principal, scope: Scope, values: Mappin
     if faults:
         raise Invalid(f"{len(faults)} fault(s) in the thresholds; nothing was computed", faults)
     started = time.perf_counter()
-    query = pumps_of(scope)
-    if principal.operator is not None:
-        query = query.where(Pump.operator == principal.operator)
-    pumps = list(bench.session.scalars(query))
-    n_records = _n_records(bench.session, [p.id for p in pumps])
-    total = sum(n_records.values())
+    pumps = pumps_with_records(bench.session, principal.operator, scope)
+    total = sum(n for _, n in pumps)
     if total > bench.most_records:
         raise TooLarge(
             f"this preview would fold {total} records, one answer may take {bench.most_records}: "
             "preview a narrower scope",
             extra={"records": total, "limit": bench.most_records, "pumps": len(pumps)},
         )
-    items = [_compared(bench, pump, scope, values) for pump in pumps if n_records.get(pump.id)]
-    changed = [item for item in items if item["gained"] or item["lost"] or item["changed"]]
+    items = [compared(bench.session, bench.archive, pump, scope, values) for pump, _ in pumps]
     return {
         "scope": scope.kind,
         "id": scope.id,
-        "totals": {
-            "alarms_now": sum(item["alarms_now"] for item in items),
-            "alarms_with_candidate": sum(item["alarms_with_candidate"] for item in items),
-            "gained": sum(len(item["gained"]) for item in items),
-            "lost": sum(len(item["lost"]) for item in items),
-            "findings": _added([item["findings"] for item in items]),
-        },
-        "items": changed,
+        "totals": totals(items),
+        "items": [item for item in items if differs(item)],
         "cost": {
             "pumps": len(items),
             "records": total,
@@ -83,19 +72,27 @@ def preview(bench: Workbench, principal: Principal, scope: Scope, values: Mappin
     }
 
 
-def _n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:
-    query = select(Record.pump_id, func.count()).where(Record.pump_id.in_(pump_ids), Record.status == ANALYSED)
-    return {pump_id: int(n) for pump_id, n in session.execute(query.group_by(Record.pump_id)) if pump_id is not None}
+def pumps_with_records(session: Session, operator: str | None, scope: Scope) -> list[tuple[Pump, int]]:
+    """Pumps that a layer holds for and that have records, with how many; of one operator, or of all for None."""
+    counts = select(Record.pump_id, func.count().label("n")).where(Record.status == ANALYSED).group_by(Record.pump_id)
+    counted = counts.subquery()
+    query = pumps_of(scope).join(counted, counted.c.pump_id == Pump.id).add_columns(counted.c.n)
+    if operator is not None:
+        query = query.where(Pump.operator == operator)
+    return [(pump, int(n)) for pump, n in session.execute(query)]
 
 
-def _compared(bench: Workbench, pump: Pump, scope: Scope, values: Mapping[str, float]) -> dict[str, Any]:
-    now = thresholds_of(bench.session, pump.operator, pump.serial, pump.pump_type)
-    then = knowledge(bench.session, pump, bench.archive, candidate=Candidate(scope, values))
-    points = points_of(bench.session, pump.id)
+def compared(
+    session: Session, archive: Archive, pump: Pump, scope: Scope, values: Mapping[str, float]
+) -> dict[str, Any]:
+    """One pump's alarms with today's thresholds beside those with a candidate for one layer."""
+    now = thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
+    then = knowledge(session, pump, archive, candidate=Candidate(scope, values))
+    points = points_of(session, pump.id)
     others = _points_with(then)
     before, after = lives(points, (), rules_of(now.values)), lives(others, (), rules_of(then.thresholds.values))
     first = [alarms[0].raised_at if alarms else None for alarms in (before, after)]
-    findings = entries(bench.session, Finding, pump.id)
+    findings = entries(session, Finding, pump.id)
     return {
         "pump_serial": pump.serial,
         "operator": pump.operator,
@@ -116,6 +113,22 @@ def _compared(bench: Workbench, pump: Pump, scope: Scope, values: Mapping[str, f
             "missed_now": _missed(before, findings),
             "missed_with_candidate": _missed(after, findings),
         },
+    }
+
+
+def differs(item: Mapping[str, Any]) -> bool:
+    """True where a pump's alarms would not be the same."""
+    return bool(item["gained"] or item["lost"] or item["changed"])
+
+
+def totals(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Alarms and findings of several pumps together."""
+    return {
+        "alarms_now": sum(item["alarms_now"] for item in items),
+        "alarms_with_candidate": sum(item["alarms_with_candidate"] for item in items),
+        "gained": sum(len(item["gained"]) for item in items),
+        "lost": sum(len(item["lost"]) for item in items),
+        "findings": _added([item["findings"] for item in items]),
     }
 
 

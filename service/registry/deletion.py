@@ -15,8 +15,9 @@ from service.database import Database
 from service.errors import Conflict, Unavailable
 from service.raw_store import RawStore
 from service.registry.ownership import owned_tables, rows_of
+from service.registry.raw_bytes import archive_digests, needs_of
 from service.security import Principal
-from service.tables import Deletion, Record
+from service.tables import Deletion, Job, Record
 
 
 def delete_operator(database: Database, raw_store: RawStore, operator: str, asker: Principal, reason: str) -> Deletion:
@@ -67,7 +68,8 @@ def receipt_hash(receipt: dict[str, Any]) -> str:
 
 
 def _delete_rows(session: Session, operator: str, asker: Principal, reason: str) -> Deletion:
-    digests = sorted(set(session.scalars(select(Record.content_hash).where(Record.operator == operator))))
+    sent = set(session.scalars(select(Record.content_hash).where(Record.operator == operator)))
+    digests = sorted(sent | set(session.scalars(archive_digests().where(Job.operator == operator))))
     counts = {}
     for name, table in reversed(owned_tables().items()):
         gone = cast("CursorResult[Any]", session.execute(delete(table).where(rows_of(table, operator))))
@@ -129,4 +131,4 @@ def _remove(database: Database, raw_store: RawStore, digest: str) -> None:
 
 def _is_needed(database: Database, digest: str) -> bool:
     with database.reading() as session:
-        return session.scalar(select(Record.id).where(Record.content_hash == digest).limit(1)) is not None
+        return any(session.scalar(query) is not None for query in needs_of(digest))

@@ -12,8 +12,9 @@ from service.database import Database
 from service.errors import Forbidden, NotFound
 from service.raw_store import RawStore
 from service.registry.fields import Body
+from service.registry.raw_bytes import archive_digests
 from service.security import Principal
-from service.tables import Aircraft, ApiKey, OperatorSettings, Pump, Record, Refusal, User, Webhook
+from service.tables import Aircraft, ApiKey, Job, OperatorSettings, Pump, Record, Refusal, User, Webhook
 
 
 class OperatorChange(Body):
@@ -94,6 +95,8 @@ def expire(database: Database, raw_store: RawStore, now: datetime) -> int:
         for operator, limit in limits.items():
             expired = select(Record.content_hash).where(Record.operator == operator, Record.received_at < limit)
             old |= set(session.scalars(expired))
+            archives = archive_digests().where(Job.operator == operator, Job.created_at < limit)
+            old |= set(session.scalars(archives.where(Job.finished_at.is_not(None))))
             for refusal in session.scalars(
                 select(Refusal).where(Refusal.operator == operator, Refusal.received_at < limit)
             ):
@@ -104,7 +107,14 @@ def expire(database: Database, raw_store: RawStore, now: datetime) -> int:
                 *((Record.operator == o) & (Record.received_at >= limit) for o, limit in limits.items()),
             )
         )
-        gone = sorted(old - set(session.scalars(needed)))
+        needed_archives = archive_digests().where(
+            or_(
+                Job.operator.not_in(limits),
+                Job.finished_at.is_(None),
+                *((Job.operator == o) & (Job.created_at >= limit) for o, limit in limits.items()),
+            )
+        )
+        gone = sorted(old - set(session.scalars(needed)) - set(session.scalars(needed_archives)))
         for digest in gone:
             marked = update(Record).where(Record.content_hash == digest, Record.raw_removed_at.is_(None))
             session.execute(marked.values(raw_removed_at=now))

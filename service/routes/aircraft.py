@@ -7,7 +7,7 @@ from sqlalchemy.exc import IntegrityError
 
 from detectors.verdict import TREND_METRICS
 from service import audit, queries
-from service.context import Asker, ContextOf, archive_of
+from service.context import Asker, ContextOf
 from service.errors import Conflict, Fault, Invalid
 from service.monitoring.trend import points_of, thinned
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -65,7 +65,7 @@ def change(
     asker.require("engineer")
     with context.database.writing() as session:
         row = found_aircraft(session, asker, name, operator)
-        registry.change(session, row, body, asker.owner, archive_of(context))
+        registry.change(session, row, body, asker.owner, context.archive)
         details = body.model_dump(mode="json", exclude_unset=True)
         audit.note(session, asker, "aircraft.change", f"aircraft/{row.name}", row.operator, details)
         return registry.document(session, row)

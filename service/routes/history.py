@@ -7,7 +7,7 @@ from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
 from service import audit, queries
-from service.context import Asker, ContextOf, archive_of
+from service.context import Asker, ContextOf
 from service.monitoring.knowledge import entries
 from service.registry import findings as finding_entries
 from service.registry import installations as installation_entries
@@ -42,7 +42,7 @@ def install(
     asker.require("engineer")
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
-        row = installation_entries.create(session, pump, body, asker.owner, archive_of(context))
+        row = installation_entries.create(session, pump, body, asker.owner, context.archive)
         _note(session, asker, pump, "installation.enter", row.id, body)
         response.headers["Location"] = f"/api/v1/pumps/{serial}/installations/{row.id}"
         return installation_entries.document(row)
@@ -61,7 +61,7 @@ def correct_installation(
     asker.require("engineer")
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
-        row = installation_entries.change(session, pump, entry_id, body, asker.owner, archive_of(context))
+        row = installation_entries.change(session, pump, entry_id, body, asker.owner, context.archive)
         _note(session, asker, pump, "installation.correct", entry_id, body)
         return installation_entries.document(row)
 
@@ -74,7 +74,7 @@ def withdraw_installation(
     asker.require("engineer")
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
-        installation_entries.remove(session, pump, entry_id, archive_of(context))
+        installation_entries.remove(session, pump, entry_id, context.archive)
         _note(session, asker, pump, "installation.withdraw", entry_id)
 
 
@@ -100,7 +100,7 @@ def maintain(
     asker.require("engineer")
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
-        row = maintenance_entries.create(session, pump, body, asker.owner, archive_of(context))
+        row = maintenance_entries.create(session, pump, body, asker.owner, context.archive)
         _note(session, asker, pump, "maintenance.enter", row.id, body)
         response.headers["Location"] = f"/api/v1/pumps/{serial}/maintenance/{row.id}"
         return maintenance_entries.document(row)
@@ -119,7 +119,7 @@ def correct_maintenance(
     asker.require("engineer")
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
-        row = maintenance_entries.change(session, pump, entry_id, body, asker.owner, archive_of(context))
+        row = maintenance_entries.change(session, pump, entry_id, body, asker.owner, context.archive)
         _note(session, asker, pump, "maintenance.correct", entry_id, body)
         return maintenance_entries.document(row)
 
@@ -132,7 +132,7 @@ def withdraw_maintenance(
     asker.require("engineer")
     with context.database.writing() as session:
         pump = locked_pump(session, asker, serial, operator)
-        maintenance_entries.remove(session, pump, entry_id, archive_of(context))
+        maintenance_entries.remove(session, pump, entry_id, context.archive)
         _note(session, asker, pump, "maintenance.withdraw", entry_id)
 
 

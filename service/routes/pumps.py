@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from detectors.curve_svg import curve_svg
 from detectors.verdict import TREND_METRICS
 from service import audit, queries
-from service.context import Asker, ContextOf, archive_of
+from service.context import Asker, ContextOf
 from service.errors import Conflict, Fault, Invalid
 from service.monitoring.curve import curve_of, curve_png
 from service.monitoring.forecast import forecast_of
@@ -84,7 +84,7 @@ def change(
     asker.require("engineer")
     with context.database.writing() as session:
         row = locked_pump(session, asker, serial, operator)
-        registry.change(session, row, body, asker.owner, archive_of(context))
+        registry.change(session, row, body, asker.owner, context.archive)
         details = body.model_dump(mode="json", exclude_unset=True)
         audit.note(session, asker, "pump.change", f"pump/{row.serial}", row.operator, details)
         return shown(session, [row])[0]
@@ -103,7 +103,7 @@ def verdict(
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         if known_at is not None:
-            return verdict_known_at(session, row, archive_of(context), known_at, at)
+            return verdict_known_at(session, row, context.archive, known_at, at)
         return queries.verdict(session, row, at)
 
 

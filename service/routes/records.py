@@ -1,5 +1,6 @@
 """Records: upload, list, look up, fetch back."""
 
+from collections.abc import Collection, Mapping
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -7,10 +8,13 @@ from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service import queries
-from service.context import Asker, Context, ContextOf, archive_of
-from service.errors import Fault, Invalid, TooLarge
+from service.context import Asker, Context, ContextOf
+from service.errors import Fault, Invalid
+from service.ingest.mapping_version import MappingVersion
 from service.ingest.metadata import KNOWN
+from service.ingest.parse import CONTENT_TYPES
 from service.instants import check_instants
+from service.mappings import mapping_version
 from service.monitoring.acceptance import Upload
 from service.monitoring.withdrawal import withdraw_record
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -19,7 +23,6 @@ from service.security import Principal
 from service.tables import ANALYSED, Record
 
 router = APIRouter(prefix="/records", tags=["records"])
-_CONTROLS = ("wait", "supersedes", "mapping")
 
 
 @router.post(
@@ -30,7 +33,7 @@ _CONTROLS = ("wait", "supersedes", "mapping")
     openapi_extra={
         "requestBody": {
             "required": True,
-            "content": {kind: {} for kind in ("application/json", "text/csv", "application/gzip")},
+            "content": {kind: {} for kind in CONTENT_TYPES},
         }
     },
 )
@@ -42,20 +45,24 @@ async def upload(
     asker: Asker,
     wait: Annotated[bool, Query(description="Answer after the analysis")] = True,
     supersedes: Annotated[str | None, Query(description="Id of the record that this one replaces")] = None,
+    mapping: Annotated[str | None, Query(description="Name of the channel mapping that the file needs")] = None,
 ) -> dict[str, Any]:
     """Take the body as one record; metadata may come as query parameters and win over those of the file."""
     asker.require("analyst")
-    overrides = _overrides(request)
-    content = await _bounded_body(request, context.settings.max_upload_bytes)
-    new = Upload(
-        content=content,
-        content_type=request.headers.get("content-type", ""),
-        content_encoding=request.headers.get("content-encoding", ""),
-        overrides=overrides,
-        supersedes=supersedes,
-    )
-    take = context.acceptance.accept if wait else context.acceptance.store
-    accepted = await run_in_threadpool(take, new, asker)
+    overrides = overrides_of(request, ("wait", "supersedes", "mapping"))
+    named = await run_in_threadpool(mapping_of, context, asker, overrides, mapping)
+    declared = request.headers.get("content-length", "")
+    async with context.spool.received(request.stream(), declared, context.settings.max_upload_bytes) as file:
+        new = Upload(
+            file=file,
+            content_type=request.headers.get("content-type", ""),
+            content_encoding=request.headers.get("content-encoding", ""),
+            overrides=overrides,
+            supersedes=supersedes,
+            mapping=named,
+        )
+        take = context.acceptance.accept if wait else context.acceptance.store
+        accepted = await run_in_threadpool(take, new, asker)
     answer = await run_in_threadpool(_answer, context, asker, accepted.record_id)
     response.status_code = 200 if accepted.known else (201 if wait else 202)
     response.headers["Location"] = f"/api/v1/records/{accepted.record_id}"
@@ -107,7 +114,7 @@ def withdraw(
     """Take a record out of its pump's history, which is folded anew; its bytes are kept."""
     asker.require("analyst")
     with context.database.writing() as session:
-        withdraw_record(session, asker, record_id, reason, archive_of(context))
+        withdraw_record(session, asker, record_id, reason, context.archive)
     return _answer(context, asker, record_id)
 
 
@@ -131,34 +138,29 @@ def raw(record_id: str, context: ContextOf, asker: Asker) -> Response:
     return Response(content, media_type=kind, headers=headers)
 
 
-def _overrides(request: Request) -> dict[str, str]:
+def overrides_of(request: Request, controls: Collection[str]) -> dict[str, str]:
+    """Metadata among the query parameters; every other name but those of ``controls`` is a fault."""
     faults, overrides = [], {}
     for name, value in request.query_params.multi_items():
         if name in overrides:
             faults.append(Fault(f"query.{name}", "is given twice"))
         elif name in KNOWN:
             overrides[name] = value
-        elif name not in _CONTROLS:
+        elif name not in controls:
             faults.append(Fault(f"query.{name}", f"is not metadata of a record; known: {', '.join(KNOWN)}"))
-    if "mapping" in request.query_params:
-        faults.append(Fault("query.mapping", "channel mappings are not available yet"))
     if faults:
         raise Invalid("the query is wrong; nothing was stored", faults)
     return overrides
 
 
-async def _bounded_body(request: Request, limit: int) -> bytes:
-    declared = request.headers.get("content-length", "")
-    too_large = TooLarge(f"the upload is larger than {limit} bytes: split the record into segments")
-    if declared.isdigit() and int(declared) > limit:
-        raise too_large
-    parts, size = [], 0
-    async for part in request.stream():
-        size += len(part)
-        if size > limit:
-            raise too_large
-        parts.append(part)
-    return b"".join(parts)
+def mapping_of(
+    context: Context, asker: Principal, overrides: Mapping[str, str], name: str | None
+) -> MappingVersion | None:
+    """The newest version of a mapping that the upload's operator has."""
+    if name is None:
+        return None
+    with context.database.reading() as session:
+        return mapping_version(session, asker.operator_of(overrides.get("operator")), name)
 
 
 def _answer(context: Context, asker: Principal, record_id: str) -> dict[str, Any]:

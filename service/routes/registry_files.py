@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends, Request
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.context import Asker, ContextOf, archive_of
+from service.context import Asker, ContextOf
 from service.errors import TooLarge
 from service.registry.csv_files import Kind, exported, imported
 
@@ -51,6 +51,6 @@ async def take(
 
     def done() -> dict[str, Any]:
         with context.database.writing() as session:
-            return asdict(imported(session, asker, kind, content, archive_of(context)))
+            return asdict(imported(session, asker, kind, content, context.archive))
 
     return await run_in_threadpool(done)

@@ -9,10 +9,12 @@ from sqlalchemy.orm import Session
 
 from detectors.thresholds import KEYS
 from service import queries
-from service.context import Asker, Context, ContextOf, archive_of
-from service.errors import Forbidden, NotFound
+from service.context import Asker, Context, ContextOf
+from service.errors import Forbidden, NotFound, TooLarge
+from service.jobs.requests import ask_for
 from service.monitoring.preview import Workbench, preview
-from service.monitoring.reanalysis import refold_scope
+from service.monitoring.reanalysis import n_pumps, refold_scope
+from service.routes.jobs import shown
 from service.security import Principal
 from service.tables import ThresholdVersion
 from service.threshold_layers import (
@@ -30,6 +32,7 @@ from service.threshold_layers import (
 from twin.pumps import PUMP_TYPES
 
 router = APIRouter(prefix="/thresholds", tags=["thresholds"])
+_MOST_PUMPS_AT_ONCE = 20
 _UNITS = {key.name: key.unit for key in KEYS}
 
 
@@ -78,14 +81,25 @@ def keys(_asker: Asker) -> dict[str, Any]:
     return {"items": items, "next": None}
 
 
-@router.post("/preview", summary="What other thresholds would have done")
-def previewed(body: Candidate, context: ContextOf, asker: Asker) -> dict[str, Any]:
+@router.post(
+    "/preview",
+    summary="What other thresholds would have done",
+    responses={202: {"description": "More history than one answer may take: a job compares it"}},
+)
+def previewed(body: Candidate, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
     """Fold the stored history with a candidate for one layer, without writing, and compare the alarms."""
     asker.require("analyst")
     with context.database.reading() as session:
-        layers = _layers(session, asker, body.scope, body.id, body.operator)
-        bench = Workbench(session, archive_of(context), context.settings.max_preview_records)
-        return preview(bench, asker, layers[-1], body.values)
+        layer = _layers(session, asker, body.scope, body.id, body.operator)[-1]
+        try:
+            bench = Workbench(session, context.archive, context.settings.max_preview_records)
+            return preview(bench, asker, layer, body.values)
+        except TooLarge:
+            values = {"scope": layer.kind, "id": layer.id, "operator": layer.operator, "values": body.values}
+    job = ask_for(context, asker, "preview", None, values)
+    response.status_code = 202
+    response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+    return shown(job)
 
 
 @router.get("/{scope}/{scope_id}/versions", summary="History of one layer")
@@ -115,7 +129,7 @@ def restored(
         layers = _layers(session, asker, scope, scope_id, operator)
         own = restore(session, layers[-1], number, body.reason if body else None, asker, if_match)
         answer = _answered(session, response, scope, scope_id, layers, own)
-    _refold_later(background, context, layers[-1])
+    _refold(context, asker, background, layers[-1], own.number)
     return answer
 
 
@@ -149,7 +163,7 @@ def change(
         layers = _layers(session, asker, scope, scope_id, operator)
         own = put(session, layers[-1], body.values, body.reason, asker, if_match)
         answer = _answered(session, response, scope, scope_id, layers, own)
-    _refold_later(background, context, layers[-1])
+    _refold(context, asker, background, layers[-1], own.number)
     return answer
 
 
@@ -171,8 +185,16 @@ def _answered(
     return _document(scope, scope_id, effective_thresholds(session, layers), own.number, own.values)
 
 
-def _refold_later(background: BackgroundTasks, context: Context, scope: Scope) -> None:
-    background.add_task(refold_scope, context.database, context.raw_store, context.settings, scope)
+def _refold(context: Context, asker: Principal, background: BackgroundTasks, layer: Scope, version: int) -> None:
+    """Fold anew what the layer holds for: a few pumps right after the answer, more of them by a job."""
+    with context.database.reading() as session:
+        n = n_pumps(session, layer)
+    if n <= _MOST_PUMPS_AT_ONCE:
+        background.add_task(refold_scope, context.database, context.archive, layer)
+        return
+    operator = layer.id if layer.kind == "operator" else layer.operator
+    values = {"scope": layer.kind, "id": layer.id, "operator": layer.operator, "version": version}
+    ask_for(context, asker, "refold", operator, values)
 
 
 def _layers(session: Session, asker: Principal, scope: str, scope_id: str, operator: str | None) -> tuple[Scope, ...]:

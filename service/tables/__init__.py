@@ -5,6 +5,8 @@ from service.tables.alarms import Alarm, AlarmAction, Delivery, Message, Webhook
 from service.tables.audit import AuditEntry
 from service.tables.base import Base, UtcDateTime
 from service.tables.history import Entry, Finding, Installation, MaintenanceEvent, VerdictRevision
+from service.tables.jobs import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
+from service.tables.mappings import StoredMapping
 from service.tables.operators import Deletion, OperatorSettings
 from service.tables.records import (
     ANALYSED,
@@ -21,8 +23,13 @@ from service.tables.thresholds import ThresholdVersion
 
 __all__ = [
     "ANALYSED",
+    "CANCELLED",
+    "FAILED",
+    "QUEUED",
     "REFUSED",
+    "RUNNING",
     "STORED",
+    "SUCCEEDED",
     "SUPERSEDED",
     "WITHDRAWN",
     "Aircraft",
@@ -37,6 +44,8 @@ __all__ = [
     "FailedSignIn",
     "Finding",
     "Installation",
+    "Job",
+    "JobItem",
     "MaintenanceEvent",
     "Message",
     "OperatorSettings",
@@ -47,6 +56,7 @@ __all__ = [
     "RegistryVersion",
     "SignedIn",
     "StoredAssessment",
+    "StoredMapping",
     "ThresholdVersion",
     "User",
     "UtcDateTime",

@@ -61,6 +61,7 @@ _CURVE = {
         for speed in (4500.0, 4600.0)
     ]
 }
+_MAPPING = {"channels": [{"source": "HYD1_P", "channel": "discharge_pressure_bar", "unit": "psi"}]}
 ENDING = ("DELETE", f"{API}/operators/{{operator}}")
 """Takes away everything that the other entries name."""
 
@@ -138,6 +139,32 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ),
     ("GET", f"{API}/operators/{{operator}}/export"): Entry("admin", f"{API}/operators/{{operator}}/export", True),
     ENDING: Entry("admin", f"{API}/operators/{{operator}}?confirm={{operator}}&reason=contract+ended", True),
+    ("GET", f"{API}/records/{{record_id}}/spectrum"): Entry(
+        "viewer", f"{API}/records/{{burst}}/spectrum?channel=discharge_pressure_bar", True
+    ),
+    ("POST", f"{API}/records/bulk"): Entry(
+        "analyst",
+        f"{API}/records/bulk",
+        content=record_body() + b"\n",
+        headers={"content-type": "application/x-ndjson"},
+    ),
+    ("GET", f"{API}/mappings"): Entry("viewer", f"{API}/mappings"),
+    ("POST", f"{API}/mappings"): Entry("analyst", f"{API}/mappings", body={"name": "new-export", **_MAPPING}),
+    ("GET", f"{API}/mappings/{{name}}"): Entry("viewer", f"{API}/mappings/{{mapping}}", True),
+    ("PUT", f"{API}/mappings/{{name}}"): Entry(
+        "analyst", f"{API}/mappings/{{mapping}}", True, _MAPPING, headers={"If-Match": '"1"'}
+    ),
+    ("POST", f"{API}/mappings/preview"): Entry(
+        "viewer", f"{API}/mappings/preview?mapping={{mapping}}&rows=2", True, content=record_body(), headers=_JSON
+    ),
+    ("GET", f"{API}/jobs"): Entry("viewer", f"{API}/jobs"),
+    ("POST", f"{API}/jobs"): Entry(
+        "analyst", f"{API}/jobs", True, {"kind": "reprocess", "parameters": {"pump": "{pump}", "only": "verdicts"}}
+    ),
+    ("GET", f"{API}/jobs/{{job_id}}"): Entry("viewer", f"{API}/jobs/{{job}}", True),
+    ("GET", f"{API}/jobs/{{job_id}}/items"): Entry("viewer", f"{API}/jobs/{{job}}/items", True),
+    ("POST", f"{API}/jobs/{{job_id}}/cancel"): Entry("analyst", f"{API}/jobs/{{job}}/cancel", True),
+    ("GET", f"{API}/exports/{{name}}.{{form}}"): Entry("viewer", f"{API}/exports/windows.csv"),
     ("GET", f"{API}/fleet/summary"): Entry("viewer", f"{API}/fleet/summary"),
     ("GET", f"{API}/fleet/ranking"): Entry("viewer", f"{API}/fleet/ranking"),
     ("GET", f"{API}/fleet/trend"): Entry("viewer", f"{API}/fleet/trend?metric=case_residual_bar&group_by=operator"),
@@ -243,11 +270,18 @@ def seeded(client: TestClient, operator: str, serial: str) -> dict[str, str]:
     version = client.put(url, json=put, headers={**admin, "If-Match": "*"}).json()["version"]
     with client.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
         write_history(session, "hhi", serial=f"{serial}-B", operator=operator)
+    mapping = {"name": f"export-of-{operator}", **_MAPPING}
+    assert client.post(f"{API}/mappings", json=mapping, headers=admin).status_code == 201
+    rehearsal = {"kind": "reprocess", "parameters": {"pump": serial, "dry_run": True}}
+    job = client.post(f"{API}/jobs", json=rehearsal, headers=admin).json()["id"]
     (alarm,) = client.get(f"{API}/alarms", headers=admin).json()["items"]
     return {
         "operator": operator,
         "pump": serial,
         "record": record,
+        "burst": record,
+        "mapping": mapping["name"],
+        "job": job,
         "alarm": alarm["id"],
         "webhook": hook,
         "key": made["id"],

@@ -70,6 +70,32 @@ def test_upload_through_a_running_server(files: list[str], tmp_path: Path) -> No
         assert "analysed" in mixed.output
 
 
+def test_upload_takes_folders_and_patterns_and_goes_on(files: list[str], tmp_path: Path) -> None:
+    folder = tmp_path / "day"
+    (folder / "deeper").mkdir(parents=True)
+    for i, file in enumerate(files[:3]):
+        (folder / ("deeper" if i else "") / f"{i}.csv").write_bytes(Path(file).read_bytes())
+    (folder / "notes.txt").write_text("not a record")
+    with served(Settings(auth="off"), "127.0.0.1", 8733) as address:
+        first = runner.invoke(app, ["upload", str(folder), "--url", address])
+        assert first.exit_code == 0, first.output
+        assert first.output.count("analysed") == 3
+        again = runner.invoke(app, ["upload", f"{folder}/**/*.csv", str(folder), files[3], "--url", address])
+        assert again.exit_code == 0, again.output
+        assert again.output.count("analysed") == 4
+        nothing = runner.invoke(app, ["upload", str(folder / "*.pdf"), files[4], "--url", address])
+        assert nothing.exit_code == 2
+        unmapped = runner.invoke(app, ["upload", files[5], "--mapping", "none", "--url", address])
+        assert unmapped.exit_code == 1
+        assert "no channel mapping none" in unmapped.output
+        dry = runner.invoke(app, ["reprocess", "--dry-run", "--url", address])
+        assert dry.exit_code == 0, dry.output
+        assert "DT-102 (default): 0 of 4 verdicts differ" in dry.output
+        wrong = runner.invoke(app, ["reprocess", "--pump", "none", "--url", address])
+        assert wrong.exit_code == 1
+        assert "no pump none" in wrong.output
+
+
 def test_upload_without_a_server_says_what_to_do(files: list[str]) -> None:
     result = runner.invoke(app, ["upload", files[0], "--url", "http://127.0.0.1:9"])
     assert result.exit_code == 1

@@ -11,7 +11,7 @@ from sqlalchemy import update
 from detectors.verdict import TREND_METRICS
 from service.alarms.ledger import follow
 from service.monitoring.analysis import thresholds_of
-from service.tables import Record, StoredAssessment
+from service.tables import StoredAssessment
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import day, pump_of, write_history
 
@@ -83,8 +83,8 @@ class TestTrend:
             write(guarded, "h" * 30, serial=serial, operator=operator)
             with guarded.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
                 prefix = f"{operator}-{serial}-"
-                mine = Record.id.startswith(prefix)
-                session.execute(update(Record).where(mine).values(position=place, aircraft=f"F-{serial}"))
+                mine = StoredAssessment.record_id.startswith(prefix)
+                session.execute(update(StoredAssessment).where(mine).values(position=place, aircraft=f"F-{serial}"))
                 for i in range(30):
                     value = 9.0 if (i, place) == (17, "LH") else float(i % 3)
                     trend = {"case_residual_bar": {"mean": value, "low": value - 1, "high": value + 1}}

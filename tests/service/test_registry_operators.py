@@ -18,6 +18,7 @@ from service.registry.ownership import owned_tables, rows_of
 from service.security import EVERYBODY, new_key
 from service.settings import Settings
 from service.tables import Base, Deletion
+from tests.service.finished_job import finished
 from tests.service.records import body, document
 
 JSON = {"content-type": "application/json"}
@@ -205,6 +206,17 @@ class TestLeaving:
             receipt
         ]
         assert guarded.delete(url, params={"confirm": "north", "reason": "x"}, headers=everybody).status_code == 404
+
+    def test_the_deletion_takes_archives_of_bulk_imports(self, guarded: TestClient) -> None:
+        guarded.headers.update(key(guarded, "admin", "north"))
+        lines = body() + b"\n"
+        headers = {"content-type": "application/x-ndjson"}
+        job = guarded.post(f"{API}/records/bulk", content=lines, headers=headers).json()
+        assert finished(guarded, job["id"])["result"]["counts"] == {"analysed": 1}
+        answer = guarded.delete(f"{API}/operators/north", params={"confirm": "north", "reason": "x"})
+        assert len(answer.json()["receipt"]["raw_files_removed"]) == 2
+        folder = guarded.app.state.context.settings.data_dir / "raw"  # type: ignore[attr-defined]
+        assert [p for p in folder.rglob("*") if p.is_file()] == []
 
     def test_a_deletion_cut_short_is_ended_at_the_next_start(
         self, guarded: TestClient, monkeypatch: pytest.MonkeyPatch

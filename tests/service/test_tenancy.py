@@ -18,11 +18,14 @@ from tests.service.matrix import ENDING, MATRIX, OPEN, PAGE, routes_of, seeded, 
 
 ROUTES = sorted(MATRIX, key=lambda route: (route == ENDING, route[0] == "DELETE", route))
 WRITES = [route for route in ROUTES if route[0] != "GET" and route[1].startswith("/api/") and route != ENDING]
-NO_CHANGE = ("/twin/", "/thresholds/preview")
+NO_CHANGE = ("/twin/", "/thresholds/preview", "/mappings/preview")
 
 
 @pytest.fixture(autouse=True)
-def _names_resolve(monkeypatch: pytest.MonkeyPatch) -> None:
+def _nothing_runs_beside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No message leaves, and jobs wait: what a request does is what can be seen right after it."""
+    monkeypatch.setattr("service.jobs.engine.start", lambda _: None)
+    monkeypatch.setattr("service.jobs.engine.stop", lambda: None)
     monkeypatch.setattr("service.notifications.guard._resolved", lambda *_: ["93.184.215.14"])
     monkeypatch.setattr("service.notifications.webhook_call.call", lambda *_: None)
     monkeypatch.setattr("service.notifications.worker.Postman.start", lambda _: None)
@@ -143,7 +146,19 @@ class TestOperators:
 
 def everything(client: TestClient, who: dict[str, str]) -> dict[str, Any]:
     """All that the northern admin sees of its own, but the times of use of keys."""
-    paths = ("records", "pumps", "alarms", "keys", "users", "webhooks", "audit", "thresholds/operator/north")
+    paths = (
+        "records",
+        "pumps",
+        "alarms",
+        "mappings",
+        "jobs",
+        "aircraft",
+        "keys",
+        "users",
+        "webhooks",
+        "audit",
+        "thresholds/operator/north",
+    )
     found = {path: client.get(f"/api/v1/{path}", headers=who).json() for path in paths}
     for item in found["keys"]["items"]:
         item.pop("last_used_at")

@@ -12,6 +12,7 @@ from fastapi.testclient import TestClient
 from service.app import create_app
 from service.demo.fleet import DemoRecord
 from service.settings import Settings
+from tests.service.finished_job import finished
 from tests.service.guarded import guarded_client, key
 
 URL = "/api/v1/thresholds"
@@ -177,10 +178,15 @@ class TestPreview:
     def test_the_work_is_bounded(self, database_url: str, tmp_path: Path, healthy_records: list[DemoRecord]) -> None:
         settings = Settings(database_url=database_url, data_dir=tmp_path, auth="off", max_preview_records=2)
         with TestClient(create_app(settings)) as client:
-            upload(client, healthy_records[:3])
-            answer = client.post(f"{URL}/preview", json={"scope": "fleet", "id": "default", "values": {}})
-        assert answer.status_code == 413
-        assert (answer.json()["records"], answer.json()["limit"]) == (3, 2)
+            serial = upload(client, healthy_records[:3])
+            body = {"scope": "fleet", "id": "default", "values": {"alarm_records": 5}}
+            answer = client.post(f"{URL}/preview", json=body)
+            assert answer.status_code == 202
+            assert answer.json()["kind"] == "preview"
+            job = finished(client, answer.json()["id"])
+            assert client.get(f"{URL}/fleet/default").json()["own"] == {}, "a preview writes nothing"
+        assert (job["status"], [item["pump_serial"] for item in job["items"]]) == ("succeeded", [serial])
+        assert job["result"]["totals"]["alarms_now"] == 0
 
     def test_others_are_neither_shown_nor_counted(
         self, database_url: str, tmp_path: Path, healthy_records: list[DemoRecord]
@@ -192,7 +198,7 @@ class TestPreview:
                 sent = client.post("/api/v1/records", content=record.content, headers={**CSV, **north}, params=params)
                 assert sent.status_code == 201
             body = {"scope": "fleet", "id": "default", "values": {}}
-            assert client.post(f"{URL}/preview", json=body, headers=north).status_code == 413
+            assert client.post(f"{URL}/preview", json=body, headers=north).status_code == 202
             answer = client.post(f"{URL}/preview", json=body, headers=south).json()
             assert (answer["items"], answer["cost"]["records"], answer["cost"]["pumps"]) == ([], 0, 0)
             viewer = key(client, "viewer", "north")

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import time
 from typing import Any
 
 import pytest
@@ -242,12 +243,14 @@ def test_stored_but_not_analysed_is_picked_up_at_the_next_start(client: TestClie
     from service.monitoring.acceptance import Upload
     from service.security import EVERYBODY
 
-    acceptance = client.app.state.context.acceptance  # type: ignore[attr-defined]
-    record_id = acceptance.store(Upload(body(), "application/json", "", {}), EVERYBODY).record_id
+    context = client.app.state.context  # type: ignore[attr-defined]
+    with context.spool.of(body()) as file:
+        record_id = context.acceptance.store(Upload(file, "application/json", "", {}), EVERYBODY).record_id
     assert client.get(f"/api/v1/records/{record_id}").json()["status"] == "stored"
     with TestClient(create_app(settings)) as restarted:
         for _ in range(100):
             status = restarted.get(f"/api/v1/records/{record_id}").json()["status"]
             if status != "stored":
                 break
+            time.sleep(0.1)
         assert status == "analysed"

@@ -1,0 +1,213 @@
+"""Parsing in processes of its own: bytes from outside cost at most the time, memory and rows of the limits."""
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from service import errors
+from service.errors import Fault, Problem, TooLarge, Undecodable
+from service.ingest.raw import Limits, RawRecord, TextDialect
+
+_PACKAGE_ROOT = str(Path(__file__).resolve().parent.parent.parent)
+_QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
+_ARROW = {"ARROW_DEFAULT_MEMORY_POOL": "system", "ARROW_NUM_THREADS": "1"}
+"""Threads and arenas reserve address space that they never use, which the memory limit would count."""
+_START_TIMEOUT_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class ParserLimits:
+    """What one file may cost the parser."""
+
+    seconds: float = 60.0
+    memory_bytes: int = 2 * 2**30
+
+
+class ParserPool:
+    """Worker processes, started when first needed, used again, replaced after a crash, killed when too slow.
+
+    Parameters
+    ----------
+    folder
+        Where workers leave decoded channels; they are removed as soon as they are read.
+    limits
+        Time and memory for one file.
+    n_workers
+        How many files are parsed at the same time; further requests wait.
+    """
+
+    def __init__(self, folder: Path, limits: ParserLimits | None = None, n_workers: int = 2) -> None:
+        self._folder = folder
+        self._limits = limits or ParserLimits()
+        self._places: queue.LifoQueue[_Worker | None] = queue.LifoQueue()
+        for _ in range(n_workers):
+            self._places.put(None)
+
+    def parsed(
+        self, path: Path, content_type: str, content_encoding: str, limits: Limits, dialect: TextDialect | None = None
+    ) -> RawRecord:
+        """Columns and metadata of a file, as ``service.ingest.parse.parsed`` gives them.
+
+        Raises
+        ------
+        Undecodable, UnknownType, TooLarge
+            the last also when time or memory run out, naming the limit.
+        """
+        self._folder.mkdir(parents=True, exist_ok=True)
+        with self._worker() as worker, tempfile.TemporaryDirectory(dir=self._folder, prefix="parsed-") as folder:
+            output = Path(folder) / "channels.f64"
+            answer = worker.ask(
+                {
+                    "path": str(path),
+                    "output": str(output),
+                    "content_type": content_type,
+                    "content_encoding": content_encoding,
+                    "limits": asdict(limits),
+                    "memory_bytes": self._limits.memory_bytes,
+                    "dialect": asdict(dialect) if dialect else None,
+                },
+                self._limits.seconds,
+            )
+            if answer.get("memory"):
+                raise self._too_much_memory()
+            if "problem" in answer:
+                faults = [Fault(where, problem) for where, problem in answer["errors"]]
+                kind: type[Problem] = getattr(errors, answer["problem"])
+                raise kind(answer["detail"], faults)
+            return _taken_over(answer, output)
+
+    def close(self) -> None:
+        """End every idle worker."""
+        while True:
+            try:
+                worker = self._places.get_nowait()
+            except queue.Empty:
+                return
+            if worker is not None:
+                worker.kill()
+
+    @contextmanager
+    def _worker(self) -> Iterator["_Worker"]:
+        worker = self._places.get()
+        try:
+            if worker is not None and not worker.is_alive:
+                worker.kill()  # closes what it left open
+                worker = None
+            worker = worker or _Worker()
+            try:
+                yield worker
+            except _TookTooLongError:
+                seconds = self._limits.seconds
+                fault = Fault("body", f"took longer than {seconds:g} s")
+                words = f"decoding the file takes longer than {seconds:g} s: split the record into segments"
+                raise TooLarge(words, [fault]) from None
+            except _DiedError as error:
+                if error.by_memory:
+                    raise self._too_much_memory() from None
+                fault = Fault("body", f"ended the process that read it ({error})")
+                raise Undecodable("the file cannot be read: its reader crashed on it", [fault]) from None
+        finally:
+            self._places.put(worker)
+
+    def _too_much_memory(self) -> TooLarge:
+        limit = self._limits.memory_bytes
+        return TooLarge(
+            f"decoding the file needs more than {limit} bytes of memory: split the record into segments",
+            [Fault("body", f"needs more than {limit} bytes of memory")],
+        )
+
+
+class _TookTooLongError(Exception):
+    """The worker was killed at the time limit."""
+
+
+class _DiedError(Exception):
+    """The worker ended by itself."""
+
+    def __init__(self, code: int | None) -> None:
+        super().__init__(f"exit code {code}")
+        # a reader in C that finds no memory aborts, and the kernel kills who takes it all
+        self.by_memory = code in (-6, -9)
+
+
+class _Worker:
+    """One process and the pipe to it; used by one thread at a time."""
+
+    def __init__(self) -> None:
+        path = os.pathsep.join(p for p in (_PACKAGE_ROOT, os.environ.get("PYTHONPATH", "")) if p)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "service.ingest.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **_QUIET, **_ARROW, "PYTHONPATH": path},
+            text=True,
+            encoding="utf-8",
+        )
+        self._line(_START_TIMEOUT_S)
+
+    @property
+    def is_alive(self) -> bool:
+        return self._process.poll() is None
+
+    def ask(self, request: dict[str, Any], seconds: float) -> dict[str, Any]:
+        stdin = self._process.stdin
+        if stdin is None:
+            raise RuntimeError("the worker was started without a pipe")
+        try:
+            stdin.write(json.dumps(request) + "\n")
+            stdin.flush()
+        except OSError:
+            self.kill()
+            raise _DiedError(self._process.returncode) from None
+        answer: dict[str, Any] = json.loads(self._line(seconds))
+        return answer
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
+
+    def _line(self, seconds: float) -> str:
+        stdout = self._process.stdout
+        if stdout is None:
+            raise RuntimeError("the worker was started without a pipe")
+        late = threading.Event()
+
+        def give_up() -> None:
+            late.set()
+            self._process.kill()
+
+        timer = threading.Timer(seconds, give_up)
+        timer.start()
+        try:
+            line = stdout.readline()
+        finally:
+            timer.cancel()
+        if line.endswith("\n"):
+            return line
+        code = self._process.wait()
+        self.kill()
+        raise _TookTooLongError if late.is_set() else _DiedError(code)
+
+
+def _taken_over(answer: dict[str, Any], output: Path) -> RawRecord:
+    channels = {}
+    with output.open("rb") as file:
+        for name, length in answer["channels"]:
+            channels[name] = np.fromfile(file, dtype=np.float64, count=length)
+    faults = [Fault(where, problem) for where, problem in answer["faults"]]
+    return RawRecord(answer["metadata"], channels, faults)

@@ -1,0 +1,60 @@
+"""What a file would become: recognised channels, metadata, first rows and faults, without storing anything."""
+
+import math
+from typing import Any
+
+from service.errors import Invalid
+from service.ingest.decode import checked
+from service.ingest.mapping import CHANNELS, ChannelMapping, mapped
+from service.ingest.metadata import KNOWN
+from service.ingest.raw import RawRecord
+from twin.recording import REQUIRED_CHANNELS
+
+
+def preview(raw: RawRecord, mapping: ChannelMapping | None, n_rows: int) -> dict[str, Any]:
+    """Preview of a parsed file.
+
+    Parameters
+    ----------
+    raw
+        The file as its adapter read it.
+    mapping
+        Mapping to try; None takes the names as they are.
+    n_rows
+        Number of first rows to show.
+    """
+    record = raw if mapping is None else mapped(raw, mapping)
+    rules = {rule.channel: rule for rule in (mapping.channels if mapping else ()) if rule.source in raw.channels}
+    recognised: list[dict[str, Any]] = [
+        {
+            "source": rules[name].source if name in rules else name,
+            "channel": name,
+            "unit": rules[name].unit if name in rules else None,
+            "samples": len(record.channels[name]),
+        }
+        for name in CHANNELS
+        if name in record.channels
+    ]
+    used = {entry["source"] for entry in recognised}
+    try:
+        checked(raw, {}, mapping=mapping)
+        faults = []
+    except Invalid as problem:
+        faults = [{"where": f.where, "problem": f.problem} for f in problem.errors]
+    length = min(n_rows, max((len(samples) for samples in record.channels.values()), default=0))
+    return {
+        "recognised": recognised,
+        "unrecognised": [name for name in raw.channels if name not in used],
+        "missing": [name for name in REQUIRED_CHANNELS if name not in record.channels],
+        "metadata": {name: value for name, value in record.metadata.items() if name in KNOWN},
+        "unrecognised_metadata": {name: value for name, value in record.metadata.items() if name not in KNOWN},
+        "rows": [
+            {entry["channel"]: _sample(record, entry["channel"], i) for entry in recognised} for i in range(length)
+        ],
+        "faults": faults,
+    }
+
+
+def _sample(record: RawRecord, name: str, i: int) -> float | None:
+    samples = record.channels[name]
+    return float(samples[i]) if i < len(samples) and math.isfinite(samples[i]) else None

@@ -1,0 +1,70 @@
+"""The process that parses what came from outside, under limits of its own: one request a line, one answer a line.
+
+Started by ``ParserPool`` as ``python -m service.ingest.worker``. It imports no database and no compiled physics, and
+hands the channels over as a file of float64, so that neither side copies them through a pipe.
+"""
+
+import json
+import os
+import resource
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from service.errors import Fault, Problem, TooLarge
+from service.ingest.parse import parsed
+from service.ingest.raw import Limits, RawRecord, TextDialect
+
+_SCALARS = (str, int, float, bool, type(None))
+
+
+def main() -> None:
+    """Serve requests until standard input ends."""
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints must not look like an answer
+    print(json.dumps({"ready": True}), file=answers, flush=True)
+    for line in sys.stdin:
+        print(json.dumps(_answer(json.loads(line))), file=answers, flush=True)
+
+
+def _answer(request: dict[str, Any]) -> dict[str, Any]:
+    limits = Limits(**request["limits"])
+    _limit_memory(request["memory_bytes"])
+    try:
+        content = Path(request["path"]).read_bytes()
+        dialect = TextDialect(**request["dialect"]) if request["dialect"] else None
+        raw = parsed(content, request["content_type"], request["content_encoding"], limits, dialect)
+        return _handed_over(raw, Path(request["output"]))
+    except Problem as problem:
+        return {"problem": type(problem).__name__, "detail": problem.detail, "errors": _faults(problem.errors)}
+    except MemoryError:
+        error = TooLarge("memory")
+        return {"problem": type(error).__name__, "memory": True}
+
+
+def _limit_memory(allowed: int) -> None:
+    """Bound what this request may add to what the process has mapped already."""
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + allowed, hard))
+
+
+def _handed_over(raw: RawRecord, output: Path) -> dict[str, Any]:
+    with output.open("wb") as file:
+        for samples in raw.channels.values():
+            np.ascontiguousarray(samples, dtype=np.float64).tofile(file)
+    return {
+        "metadata": {str(k): v if isinstance(v, _SCALARS) else repr(v)[:200] for k, v in raw.metadata.items()},
+        "channels": [[str(name), len(samples)] for name, samples in raw.channels.items()],
+        "faults": _faults(raw.faults),
+    }
+
+
+def _faults(faults: Any) -> list[list[str]]:
+    return [[fault.where, fault.problem] for fault in faults if isinstance(fault, Fault)]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,55 @@
+"""Asking for a job: checked, stored, handed to a worker."""
+
+from typing import Any
+
+import structlog
+from pydantic import ValidationError
+
+from service import audit
+from service.context import Context
+from service.errors import Fault, Invalid, Unavailable
+from service.jobs import bulk_import, engine, preview, reprocess, store
+from service.jobs.kinds import kind_named
+from service.security import Principal
+from service.tables import Job
+
+log = structlog.get_logger("casedrain.jobs")
+KINDS = (bulk_import, preview, reprocess)
+"""Modules that register kinds of jobs; another kind is another module here."""
+
+
+def ask_for(context: Context, asker: Principal, kind_name: str, operator: str | None, values: dict[str, Any]) -> Job:
+    """Store a job and hand it to the queue; a job that waits to do just this is returned instead.
+
+    Parameters
+    ----------
+    operator
+        Whose data it works on; None works on all that the asker may see.
+
+    Raises
+    ------
+    Invalid, NotFound, Forbidden
+        with every fault of what was asked for.
+    """
+    kind = kind_named(kind_name)
+    asker.require(kind.role)
+    if operator is not None:
+        operator = asker.operator_of(operator)
+    operator = asker.operator or operator
+    try:
+        parameters = kind.parameters.model_validate(values)
+    except ValidationError as error:
+        faults = [Fault(".".join(("parameters", *map(str, e["loc"]))), e["msg"]) for e in error.errors()]
+        raise Invalid(f"the parameters have {len(faults)} fault(s)", faults) from None
+    with context.database.writing() as session:
+        complete = kind.prepared(session, parameters, operator).model_dump(mode="json")
+        job = store.same_waiting(session, kind.name, operator, asker.owner, complete)
+        if job is not None:
+            return job
+        job = store.new_job(session, kind.name, operator, asker.owner, complete)
+        audit.note(session, asker, "job.start", f"job/{job.id}", operator, {"kind": kind.name})
+    try:
+        engine.submit(job.id)
+    except Unavailable:
+        log.warning("job stored without a worker", job_id=job.id)
+    return job

@@ -1,0 +1,153 @@
+"""Spectrum of one channel of one record: power spectral density and the orders of the shaft."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from service.errors import Fault, Invalid
+from twin.parameters import PumpType
+from twin.recording import TIME, Recording
+
+Samples = NDArray[np.float64]
+_SAMPLES_PER_PERIOD = 2.2
+"""Samples that a period needs at least: two and a margin for the steepness of any anti-alias filter."""
+_LEAST_SAMPLES = 64
+_LEAST_REVOLUTIONS = 10.0
+_LONGEST_SEGMENT = 8192
+_MOST_MISSING = 0.2
+_LONGEST_STEP = 1.5
+_SLOWEST_RPM = 60.0
+
+
+def channel_spectrum(
+    recording: Recording, channel: str, pump: PumpType, start_s: float, end_s: float
+) -> dict[str, Any]:
+    """Density (Welch) and orders 1, n and 2 n of one channel in ``start_s <= time < end_s``.
+
+    Orders are a least-squares fit on the shaft's angle, the integral of the speed channel, so that a drifting speed
+    does not smear them. There is no mark on the shaft: phases count from the start of the stretch.
+
+    Parameters
+    ----------
+    recording
+        Pressures gauge; of its longest stretch without a gap is made use.
+    channel
+        Name of the channel.
+    pump
+        Its number of pistons is the order n.
+
+    Raises
+    ------
+    Invalid
+        when there is no such channel, or the stretch is too short, too slowly sampled, full of holes, or at rest.
+    """
+    time, samples, speed = _stretch(recording, channel, start_s, end_s)
+    rate = 1.0 / float(np.median(np.diff(time)))
+    shaft_hz = float(np.mean(speed)) / 60.0
+    _check(time, rate, shaft_hz)
+    unit = channel.rsplit("_", 1)[1] if "_" in channel else ""
+    length = min(_LONGEST_SEGMENT, max(_LEAST_SAMPLES, 2 ** int(math.log2(max(len(samples) // 4, 2)))))
+    frequency, density = welch(samples, fs=rate, nperseg=min(length, len(samples)), detrend="constant")
+    return {
+        "channel": channel,
+        "start_s": float(time[0]),
+        "end_s": float(time[-1]),
+        "sample_rate_hz": rate,
+        "shaft_speed_rpm": 60.0 * shaft_hz,
+        "density": {
+            "unit": f"{unit}^2/Hz",
+            "frequency_hz": frequency.tolist(),
+            "value": density.tolist(),
+        },
+        "orders": _orders(time, samples, speed, rate, shaft_hz, int(pump.pump.piston.n), unit),
+    }
+
+
+def _stretch(recording: Recording, channel: str, start_s: float, end_s: float) -> tuple[Samples, Samples, Samples]:
+    """Time, samples without their holes, and speed of the longest uninterrupted part of the stretch."""
+    known = [name for name in recording.channels if name != TIME]
+    if channel not in known:
+        raise Invalid(
+            f"the record has no channel {channel!r}", [Fault("query.channel", f"is not one of {', '.join(known)}")]
+        )
+    inside = (recording.time_s >= start_s) & (recording.time_s < end_s)
+    time = recording.time_s[inside]
+    if len(time) < _LEAST_SAMPLES:
+        raise _too_short(f"has {len(time)} samples, at least {_LEAST_SAMPLES} are needed")
+    steps = np.diff(time)
+    breaks = np.flatnonzero(steps > _LONGEST_STEP * np.median(steps)) + 1
+    edges = [0, *breaks.tolist(), len(time)]
+    first, last = max(pairwise(edges), key=lambda pair: pair[1] - pair[0])
+    part = slice(first, last)
+    if last - first < _LEAST_SAMPLES:
+        raise _too_short(f"has gaps: its longest part has {last - first} samples, at least {_LEAST_SAMPLES} are needed")
+    samples, speed = (_filled(time[part], recording[name][inside][part], name) for name in (channel, "shaft_speed_rpm"))
+    return time[part], samples, speed
+
+
+def _filled(time: Samples, samples: Samples, name: str) -> Samples:
+    known = np.isfinite(samples)
+    missing = 1.0 - float(known.mean())
+    if missing > _MOST_MISSING:
+        raise Invalid(
+            f"{100 * missing:.0f} % of {name} are missing in this stretch",
+            [Fault(f"channels.{name}", f"more than {100 * _MOST_MISSING:.0f} % are missing")],
+        )
+    return np.interp(time, time[known], samples[known])
+
+
+def _check(time: Samples, rate: float, shaft_hz: float) -> None:
+    if shaft_hz * 60.0 < _SLOWEST_RPM:
+        fault = Fault("channels.shaft_speed_rpm", f"is {60.0 * shaft_hz:.3g} in the middle")
+        raise Invalid("the shaft does not turn in this stretch: choose another with start_s and end_s", [fault])
+    if rate < _SAMPLES_PER_PERIOD * shaft_hz:
+        fault = Fault(f"channels.{TIME}", f"is sampled at {rate:.4g} Hz")
+        raise Invalid(
+            f"the record is sampled too slowly: {rate:.4g} Hz show up to {rate / 2:.4g} Hz, and the shaft turns "
+            f"at {shaft_hz:.4g} Hz: record with at least {math.ceil(_SAMPLES_PER_PERIOD * shaft_hz)} Hz",
+            [fault],
+        )
+    if float(time[-1] - time[0]) * shaft_hz < _LEAST_REVOLUTIONS:
+        raise _too_short(f"holds fewer than {_LEAST_REVOLUTIONS:g} revolutions")
+
+
+def _too_short(what: str) -> Invalid:
+    return Invalid(f"the stretch {what}", [Fault(f"channels.{TIME}", what)])
+
+
+def _orders(
+    time: Samples, samples: Samples, speed: Samples, rate: float, shaft_hz: float, n: int, unit: str
+) -> list[dict[str, Any]]:
+    """Amplitude, its standard error and phase of each order; those above the sampling's reach say so."""
+    steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time) * (2.0 * math.pi / 60.0)
+    angle = np.concatenate(([0.0], np.cumsum(steps)))
+    wanted = (1, n, 2 * n)
+    seen = [order for order in wanted if rate >= _SAMPLES_PER_PERIOD * order * shaft_hz]
+    s = np.linspace(-1.0, 1.0, len(time))
+    columns = [np.ones_like(s), s, *(f(order * angle) for order in seen for f in (np.cos, np.sin))]
+    design = np.stack(columns, axis=1)
+    fit, *_ = np.linalg.lstsq(design, samples, rcond=None)
+    error = float(np.std(samples - design @ fit)) * math.sqrt(2.0 / len(samples))
+    lines = []
+    for order in wanted:
+        line: dict[str, Any] = {"order": order, "frequency_hz": order * shaft_hz, "unit": unit}
+        if order in seen:
+            i = 2 + 2 * seen.index(order)
+            cosine, sine = float(fit[i]), float(fit[i + 1])
+            line |= {
+                "amplitude": math.hypot(cosine, sine),
+                "standard_error": error,
+                "phase_deg": math.degrees(math.atan2(-sine, cosine)),
+                "reason": None,
+            }
+        else:
+            reason = (
+                f"{rate:.4g} Hz are too slow for it: {math.ceil(_SAMPLES_PER_PERIOD * order * shaft_hz)} Hz show it"
+            )
+            line |= {"amplitude": None, "standard_error": None, "phase_deg": None, "reason": reason}
+        lines.append(line)
+    return lines

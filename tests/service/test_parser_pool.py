@@ -1,0 +1,94 @@
+"""Parsing in processes of its own: limits name themselves, a crash costs one file, the pool goes on."""
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from service.errors import TooLarge, Undecodable
+from service.ingest.parser_pool import ParserLimits, ParserPool
+from service.ingest.raw import Limits
+from tests.service.records import body, document
+
+LIMITS = Limits(1_000_000_000, 10_000_000)
+
+
+@pytest.fixture
+def pool(tmp_path: Path) -> Iterator[ParserPool]:
+    made = ParserPool(tmp_path / "spool", n_workers=1)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Path:
+    path = tmp_path / "record.json"
+    path.write_bytes(body())
+    return path
+
+
+def test_channels_arrive_exactly(pool: ParserPool, record: Path, tmp_path: Path) -> None:
+    raw = pool.parsed(record, "application/json", "", LIMITS)
+    for name, samples in document()["channels"].items():
+        assert np.array_equal(raw.channels[name], samples)
+    assert raw.metadata["pump_serial"] == "P-1"
+    assert list((tmp_path / "spool").iterdir()) == []
+
+
+def test_time_is_limited_and_the_pool_goes_on(record: Path, tmp_path: Path) -> None:
+    pool = ParserPool(tmp_path / "spool", ParserLimits(seconds=0.3), n_workers=1)
+    pool.parsed(record, "application/json", "", LIMITS)
+    slow = tmp_path / "slow.csv"
+    with slow.open("w") as file:
+        file.write("time_s,case_pressure_bar\n")
+        file.writelines(f"{i},0.9\n" for i in range(2_000_000))
+    with pytest.raises(TooLarge, match="takes longer than"):
+        pool.parsed(slow, "text/csv", "", LIMITS)
+    assert pool.parsed(record, "application/json", "", LIMITS).channels
+    pool.close()
+
+
+def test_memory_is_limited_and_the_pool_goes_on(record: Path, tmp_path: Path) -> None:
+    pool = ParserPool(tmp_path / "spool", ParserLimits(memory_bytes=64 * 2**20), n_workers=1)
+    fat = tmp_path / "fat.json"
+    fat.write_text(json.dumps({"channels": {"time_s": list(range(3_000_000))}}))
+    with pytest.raises(TooLarge, match="memory"):
+        pool.parsed(fat, "application/json", "", LIMITS)
+    assert pool.parsed(record, "application/json", "", LIMITS).channels
+    pool.close()
+
+
+def test_a_worker_that_dies_is_replaced(pool: ParserPool, record: Path) -> None:
+    pool.parsed(record, "application/json", "", LIMITS)
+    worker = pool._places.queue[0]
+    assert worker is not None
+    os.kill(worker._process.pid, signal.SIGKILL)
+    worker._process.wait()
+    assert pool.parsed(record, "application/json", "", LIMITS).channels
+
+
+def test_a_crash_on_a_file_is_its_fault_alone(pool: ParserPool, record: Path) -> None:
+    pool.parsed(record, "application/json", "", LIMITS)
+    worker = pool._places.queue[0]
+    assert worker is not None
+    os.kill(worker._process.pid, signal.SIGSTOP)
+    import threading
+
+    timer = threading.Timer(0.3, lambda: os.kill(worker._process.pid, signal.SIGSEGV))
+    timer.start()
+    threading.Timer(0.4, lambda: os.kill(worker._process.pid, signal.SIGCONT)).start()
+    with pytest.raises(Undecodable, match="crashed"):
+        pool.parsed(record, "application/json", "", LIMITS)
+    assert pool.parsed(record, "application/json", "", LIMITS).channels
+
+
+def test_problems_pass_through_with_every_fault(pool: ParserPool, tmp_path: Path) -> None:
+    path = tmp_path / "x"
+    path.write_bytes(b"time_s\n\xff\xfe")
+    with pytest.raises(Undecodable) as refused:
+        pool.parsed(path, "text/csv", "", LIMITS)
+    assert refused.value.errors[0].where == "byte 7"
