@@ -1,0 +1,83 @@
+"""Commands of administrators: keys, users, the database."""
+
+from datetime import datetime
+from typing import Annotated
+
+import typer
+
+from service.console import console, failure
+from service.errors import Problem
+from service.settings import Settings
+
+keys_app = typer.Typer(no_args_is_help=True, help="API keys.")
+users_app = typer.Typer(no_args_is_help=True, help="Users of the pages.")
+db_app = typer.Typer(no_args_is_help=True, help="The database's schema.")
+
+
+@keys_app.command("create")
+def create_key(
+    role: Annotated[str, typer.Option(help="viewer, analyst, engineer or admin")],
+    operator: Annotated[str | None, typer.Option(help="Bind the key to one operator")] = None,
+    owner: Annotated[str, typer.Option(help="Who holds the key")] = "command line",
+    expires: Annotated[datetime | None, typer.Option(help="When it stops working (UTC)")] = None,
+) -> None:
+    """Make an API key and print it once."""
+    from datetime import UTC  # noqa: PLC0415
+
+    from service import audit  # noqa: PLC0415 - heavy, and only here
+    from service.app import opened  # noqa: PLC0415
+    from service.security import AT_THE_MACHINE, new_key  # noqa: PLC0415
+
+    try:
+        context = opened(Settings())
+        with context.database.writing() as session:
+            row, key = new_key(session, owner, role, operator, expires.replace(tzinfo=UTC) if expires else None)
+            audit.note(session, AT_THE_MACHINE, "key.make", f"key/{row.id}", operator, {"owner": owner, "role": role})
+    except (ValueError, RuntimeError) as error:
+        raise failure(str(error)) from None
+    context.database.close()
+    # plain print: the key must come out unwrapped, alone on its line
+    print(key)
+
+
+@users_app.command("create")
+def create_user(
+    name: Annotated[str, typer.Argument(help="Name to sign in with")],
+    role: Annotated[str, typer.Option(help="viewer, analyst, engineer or admin")],
+    password: Annotated[
+        str, typer.Option(prompt=True, confirmation_prompt=True, hide_input=True, envvar="CASEDRAIN_NEW_PASSWORD")
+    ],
+    operator: Annotated[str | None, typer.Option(help="Bind the user to one operator")] = None,
+    email: Annotated[str | None, typer.Option(help="Address for mails")] = None,
+    mail: Annotated[bool, typer.Option("--mail", help="Send mails about alarms there")] = False,
+) -> None:
+    """Make a user of the pages; the password is asked for."""
+    from service import audit  # noqa: PLC0415 - heavy, and only here
+    from service.app import opened  # noqa: PLC0415
+    from service.security import AT_THE_MACHINE  # noqa: PLC0415
+    from service.users import new_user  # noqa: PLC0415
+
+    try:
+        context = opened(Settings())
+    except RuntimeError as error:
+        raise failure(str(error)) from None
+    try:
+        with context.database.writing() as session:
+            row = new_user(session, name, password, role, operator, email, mail)
+            audit.note(session, AT_THE_MACHINE, "user.make", f"user/{row.name}", operator, {"role": role})
+    except Problem as problem:
+        faults = "".join(f"\n  {f.where}: {f.problem}" for f in problem.errors)
+        raise failure(f"{problem.detail}{faults}") from None
+    finally:
+        context.database.close()
+    console.print(f"User {name} can sign in now.", highlight=False, markup=False)
+
+
+@db_app.command("upgrade")
+def upgrade_database() -> None:
+    """Bring the database of the settings to the newest schema."""
+    from service.database import upgrade  # noqa: PLC0415 - heavy, and only here
+
+    settings = Settings()
+    upgrade(settings.effective_database_url)
+    console.print("The database is up to date.")

@@ -1,0 +1,153 @@
+"""Commands of engineers: simulate, compare with published evidence, study sensors and verdicts."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress, track
+
+from service.console import complaints, console, failure
+
+app = typer.Typer()
+
+
+@app.command()
+def simulate(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file: TOML", exists=True, dir_okay=False)],
+    output: Annotated[Path, typer.Option(help="Flight record to write: .parquet or .csv")],
+    picture: Annotated[Path | None, typer.Option(help="Picture to draw: .svg or .png")] = None,
+    pump: Annotated[str, typer.Option(help="Pump type")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
+    sensors: Annotated[str, typer.Option(help="none (the truth), helicopter or test_bench")] = "none",
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is other chance in the sensors")] = 1,
+) -> None:
+    """Simulate a scenario into a flight record; exit code 1 if it stops early, 2 if it is wrong."""
+    from service.simulation.run import asked, run_file  # noqa: PLC0415 - heavy, and only here
+    from service.simulation.scenario_file import ScenarioFaultsError  # noqa: PLC0415
+
+    try:
+        file, kind = asked(scenario, output, picture, pump, circuit, sensors)
+        with Progress(console=complaints, transient=True) as bar:
+            task = bar.add_task("simulating", total=1.0)
+            outcome = run_file(
+                file, kind, circuit, sensors, seed, output, picture, lambda share: bar.update(task, completed=share)
+            )
+    except ScenarioFaultsError as error:
+        raise failure(f"{scenario} has {len(error.faults)} fault(s)\n  " + "\n  ".join(error.faults), 2) from None
+    except (RuntimeError, OSError) as error:
+        raise failure(str(error)) from None
+    console.print(f"{output}: {outcome.n_rows} rows, {outcome.status.time_s:.6g} s", highlight=False, soft_wrap=True)
+    if outcome.missing:
+        words = f"To upload it, say in the scenario's table metadata: {', '.join(outcome.missing)}."
+        console.print(words, highlight=False, soft_wrap=True)
+    if not outcome.status.ok:
+        raise failure(f"{outcome.status.advice}. What was computed until then is kept.")
+
+
+@app.command()
+def validate(
+    output: Annotated[Path, typer.Option(help="Where the page goes", dir_okay=False)] = Path("report.html"),
+    json_: Annotated[Path | None, typer.Option("--json", help="Also write the rows as JSON", dir_okay=False)] = None,
+    only: Annotated[list[str] | None, typer.Option(help="Only this comparison; may be repeated")] = None,
+) -> None:
+    """Compare the twin with published evidence; exit code 1 if a row that validates is not met."""
+    from service.validation.report import counts_of, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
+    from twin.validation.catalogue import EVIDENCE  # noqa: PLC0415
+
+    unknown = [name for name in only or () if name not in EVIDENCE]
+    if unknown:
+        raise failure(f"no comparison {', '.join(unknown)}; known: {', '.join(EVIDENCE)}")
+    names = [name for name in EVIDENCE if not only or name in only]
+    found = {name: EVIDENCE[name]() for name in track(names, "comparing", console=complaints, transient=True)}
+    counts = counts_of(found)
+    for path, text in ((output, report_html(found)), (json_, json.dumps(rows_json(found), indent=1) + "\n")):
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    words = f"{counts.met} rows met, {counts.not_met} not met; fitted: {counts.fitted_met} met, "
+    console.print(f"{words}{counts.fitted_not_met} not met; {counts.stated} only stated", highlight=False)
+    console.print(f"Report: {output}", highlight=False)
+    if counts.not_met:
+        missed = [row.quantity for e in found.values() for row in e.rows if row.within is False and not row.fitted]
+        raise failure(f"not met: {'; '.join(missed)}")
+
+
+@app.command()
+def isolability(
+    pump: Annotated[str, typer.Option(help="Pump type")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
+    flights: Annotated[int, typer.Option(help="Flights with the fault")] = 30,
+    baseline_flights: Annotated[int, typer.Option(help="Healthy flights before it")] = 30,
+    windows: Annotated[int, typer.Option(help="Zero-flow windows per flight")] = 1,
+    temperatures: Annotated[tuple[float, float], typer.Option(help="Lowest and highest fluid temperature [degC]")] = (
+        30.0,
+        80.0,
+    ),
+    full_scale: Annotated[float, typer.Option(help="Full scale of the case sensor [bar]")] = 5.0,
+    accuracy: Annotated[float, typer.Option(help="Its accuracy [% of full scale]")] = 1.0,
+    zero: Annotated[bool, typer.Option(help="Each flight has a pump-off zero")] = True,
+    reservoir: Annotated[bool, typer.Option(help="A reservoir sensor is fitted")] = True,
+    burst: Annotated[bool, typer.Option(help="Each flight has 2 s at 10 kHz")] = False,
+    svg: Annotated[Path | None, typer.Option(help="Also draw it", dir_okay=False)] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Also write it as JSON", dir_okay=False)] = None,
+) -> None:
+    """Smallest fault of each kind that given sensors detect and isolate; exit code 2 if the study is wrong."""
+    from service.isolability_study import IsolabilityOptions, isolability_study, isolability_table  # noqa: PLC0415 - heavy, and only here
+
+    options = IsolabilityOptions(
+        pump, circuit, flights, baseline_flights, windows, temperatures, full_scale, accuracy, zero, reservoir, burst
+    )
+    try:
+        study = isolability_study(options)
+    except ValueError as error:
+        raise failure(str(error), 2) from None
+    console.print(isolability_table(study))
+    for remark in study.found.remarks:
+        console.print(f"Note: {remark}.", highlight=False, soft_wrap=True)
+    for path, text in ((svg, study.svg), (json_, study.json)):
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text(), encoding="utf-8")
+
+
+@app.command()
+def evaluate(
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers as JSON", dir_okay=False)] = None,
+    html: Annotated[Path | None, typer.Option(help="Write the page", dir_okay=False)] = None,
+    pumps: Annotated[int | None, typer.Option(min=4, help="Pumps in each row, over all realities [300]")] = None,
+    healthy_records: Annotated[
+        int | None, typer.Option(min=100, help="Healthy records in each reality [100000]")
+    ] = None,
+    rows: Annotated[list[str] | None, typer.Option(help="Only this row; may be repeated")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes [as many as cores]")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another fleet")] = 1,
+    resume: Annotated[
+        Path | None,
+        typer.Option(help="Folder that keeps what is judged: the same study goes on there", file_okay=False),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A smoke run of about a minute: few pumps")] = False,
+) -> None:
+    """Detection study on simulated fleets that differ from the judge's model."""
+    from service.evaluation.command import Outputs, available_cores  # noqa: PLC0415 - heavy, and only here
+    from service.evaluation.command import evaluate as evaluated  # noqa: PLC0415
+    from service.evaluation.plan import StudyFaultsError, sized  # noqa: PLC0415
+    from service.evaluation.report import missed  # noqa: PLC0415
+
+    try:
+        study = sized(rows or (), pumps, healthy_records, seed, quick=quick)
+        results = evaluated(study, Outputs(json_, html, resume), workers or available_cores(), complaints)
+    except StudyFaultsError as error:
+        raise failure("\n  ".join(error.faults), 2) from None
+    except (RuntimeError, OSError) as error:
+        raise failure(str(error)) from None
+    except KeyboardInterrupt:
+        kept = f"what is judged is kept: the same command goes on from {resume}" if resume else "nothing is kept"
+        raise failure(f"stopped; {kept}", 130) from None
+    asked = [f for f in results.findings if f.met is not None]
+    for words in missed(results.findings):
+        console.print(f"[red]not met[/] {words}", highlight=False, soft_wrap=True)
+    console.print(f"{sum(f.met is True for f in asked)} of {len(asked)} targets met", highlight=False)
+    for path in (html, json_):
+        if path is not None:
+            console.print(f"Written: {path}", highlight=False, soft_wrap=True)
