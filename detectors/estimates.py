@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Z_90 = 1.645
 WIDENING = 1.12
 """Intervals are widened by an eighth: what a study against foreign realities asked for honest coverage."""
-_ODDS_TO_FIND = 11.0
+_ODDS_TO_FIND = 12.0
 """Log evidence that a fault must gather: the alarm level plus the prior against it [nat]."""
 
 _SCALES = {

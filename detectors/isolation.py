@@ -14,12 +14,6 @@ from detectors.verdict import FAULTS, State
 
 Array = NDArray[np.float64]
 
-TEMPER = 0.8
-"""Evidence is raised to this power before it becomes a probability: the twin is not the pump, and neighbouring
-records share what it misses. At 0.7, five of forty short histories with a leaking circuit lost the true cause from
-their candidates, at 0.5 one (our own simulations); a population study has yet to calibrate it."""
-
-
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra", "throttled"),
     "system_leakage_change_lpm": ("system_orifice", "system_laminar"),
@@ -96,16 +90,16 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         changed,
         moments,
     )
-    tempered = _tempered(sums)
-    probabilities = {State.HEALTHY: float(tempered[-1])}
-    probabilities |= {f: float(p) for f, p in zip(FAULTS, tempered[:-1], strict=True)}
+    posterior = _shares(sums)
+    probabilities = {State.HEALTHY: float(posterior[-1])}
+    probabilities |= {f: float(p) for f, p in zip(FAULTS, posterior[:-1], strict=True)}
     fault, healthy = float(changed[:-1].sum()), float(changed[-1])
     return Evidence(
         # how a pump came is a question of its own: an alarm is raised by what changed since
         log_odds=math.log(max(fault, 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
         probabilities=probabilities,
         weights=weights,
-        shares={f: float(v) for f, v in zip(FAULTS, _tempered(changed[:-1]), strict=True)},
+        shares={f: float(v) for f, v in zip(FAULTS, _shares(changed[:-1]), strict=True)},
         arrival=arrival,
         moments=moments,
     )
@@ -129,7 +123,10 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
         return following, Decision(State.HEALTHY)
     if named_for >= thresholds["side_records"]:
         return following, Decision(leader)
-    candidates = tuple(f for f in FAULTS if share[f] >= thresholds["candidate_probability"])
+    # what is not named yet has a rival: a single candidate would be an accusation
+    rival = sorted(FAULTS, key=lambda f: share[f])[-2]
+    likely = {leader, rival} | {f for f in FAULTS if share[f] >= thresholds["candidate_probability"]}
+    candidates = tuple(f for f in FAULTS if f in likely)
     return following, Decision(State.INDETERMINATE, candidates)
 
 
@@ -138,10 +135,10 @@ def _group(component: str) -> int:
     return next((i for i, names in enumerate(QUANTITIES.values()) if component in names), -1)
 
 
-def _tempered(sums: Array) -> Array:
-    """Shares of evidence sums, tempered; they add up to 1."""
-    powers = np.maximum(sums / max(sums.max(), 1.0e-300), 1.0e-300) ** TEMPER
-    shares: Array = powers / powers.sum()
+def _shares(sums: Array) -> Array:
+    """Sums of evidence as shares that add up to 1; all alike where there is none."""
+    whole = float(sums.sum())
+    shares: Array = sums / whole if whole > 0.0 else np.full(len(sums), 1.0 / len(sums))
     return shares
 
 
