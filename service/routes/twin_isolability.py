@@ -79,7 +79,10 @@ class SensorsInput(BaseModel):
 class IsolabilityRequest(BaseModel):
     """One study; the defaults are the pump type's own sensors."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={"examples": [{"flights": 30, "temperature_range_degc": [30.0, 80.0], "burst": True}]},
+    )
     pump_type: Annotated[str, AfterValidator(_pump_type)] = "h225"
     circuit: Annotated[str, AfterValidator(_circuit)] = "shared_return"
     sensors: SensorsInput = SensorsInput()

@@ -29,7 +29,18 @@ class HealthSchedule(BaseModel):
 class SimulationRequest(BaseModel):
     """One run; speed and temperature are the pump type's nominal speed and 50 degC where the schedule is silent."""
 
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={
+            "examples": [
+                {
+                    "duration_s": 0.3,
+                    "sample_rate_hz": 1000.0,
+                    "schedule": {"time_s": [0.0, 0.1, 0.1, 0.3], "discharge_flow_lpm": [0.0, 0.0, 10.0, 10.0]},
+                }
+            ]
+        },
+    )
     pump_type: str = "h225"
     circuit: str = "shared_return"
     duration_s: FiniteFloat

@@ -42,6 +42,7 @@ class Entry:
 
 _SOON = (datetime.now(UTC) + timedelta(days=2)).isoformat()
 _JSON = {"content-type": "application/json"}
+_RUN = {"duration_s": 0.02, "sample_rate_hz": 100.0}
 _POINT = {"conditions": [{"speed_rpm": 4600, "fluid_temperature_degc": 50}]}
 _PUT = {"values": {"case_flow_limit_lpm": 1.4}, "reason": "earlier warning"}
 
@@ -78,6 +79,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", f"{API}/pumps/{{serial}}/trend"): Entry(
         "viewer", f"{API}/pumps/{{pump}}/trend?metric=case_residual_bar", True
     ),
+    ("GET", f"{API}/pumps/{{serial}}/forecast"): Entry("viewer", f"{API}/pumps/{{pump}}/forecast", True),
     ("GET", f"{API}/pumps/{{serial}}/damage-identification-curve"): Entry(
         "viewer", f"{API}/pumps/{{pump}}/damage-identification-curve", True
     ),
@@ -211,6 +213,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("DELETE", f"{API}/webhooks/{{webhook_id}}"): Entry("admin", f"{API}/webhooks/{{webhook}}", True),
     ("GET", f"{API}/audit"): Entry("admin", f"{API}/audit"),
     ("POST", f"{API}/twin/operating-point"): Entry("viewer", f"{API}/twin/operating-point", body=_POINT),
+    ("POST", f"{API}/twin/isolability"): Entry("viewer", f"{API}/twin/isolability", body={"flights": 10}),
+    ("POST", f"{API}/twin/simulation"): Entry("viewer", f"{API}/twin/simulation", body=_RUN),
     ("GET", "/"): Entry(PAGE, "/"),
     ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
