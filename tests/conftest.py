@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import structlog
 
 from service.database import upgrade
 from tests.postgres import binary, cluster, create_database
@@ -36,3 +37,7 @@ def database_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
         url = create_database(request.getfixturevalue("postgres_cluster"), f"t{next(_numbers)}")
     upgrade(url)
     return url
+
+
+# the default renderer draws tracebacks with every local variable: half a minute for one that reaches the twin
+structlog.configure(processors=[structlog.processors.format_exc_info, structlog.processors.KeyValueRenderer()])
