@@ -182,7 +182,7 @@ class Bank:
         seen = np.zeros((len(taken), N_MEASURED), dtype=np.bool_)
         for place, (_, m) in enumerate(taken):
             seen[place, m.seen] = True
-        amplitude, rate = self._wander(slice(n))
+        amplitude, rate = self._wander()
         fit_anew(
             self.mean,
             self.covariance,
@@ -225,15 +225,15 @@ class Bank:
         walk[INDEX["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
         return walk
 
-    def _wander(self, rows: slice) -> tuple[Array, Array]:
+    def _wander(self) -> tuple[Array, Array]:
         """Variance of each filter's amplitude and of its rate from record to record."""
-        kinds, shape = self.kind[rows], self.shape[rows]
+        kinds, shape = self.kind[: self.n], self.shape[: self.n]
         amplitude = (_AMPLITUDE_WALK[shape] * _SCALES[kinds]) ** 2
         return amplitude, np.where(shape == RAMP, (_RATE_WALK * _SCALES[kinds] / RAMP_RECORDS) ** 2, 0.0)
 
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
-        amplitude, rate = self._wander(slice(self.n))
+        amplitude, rate = self._wander()
         advance(self.mean, self.covariance, self.n, self._walk(), amplitude, rate)
 
     def _take(self, measurement: Measurement, iterations: int) -> None:

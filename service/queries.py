@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, TypeVar
 
 from sqlalchemy import Select, func, select, tuple_
 from sqlalchemy.orm import Session
@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from service.errors import NotFound
 from service.monitoring.analysis import empty_verdict, thresholds_of
 from service.security import Principal
-from service.tables import Pump, Record, StoredAssessment, VerdictRevision
+from service.tables import Aircraft, ApiKey, Pump, Record, StoredAssessment, VerdictRevision, Webhook
 
 
 def record(session: Session, principal: Principal, record_id: str) -> Record:
@@ -36,16 +36,50 @@ def pump(session: Session, principal: Principal, serial: str, operator: str | No
     NotFound
         when there is none that this principal may see, or several operators have one and none was named.
     """
-    query = select(Pump).where(Pump.serial == serial)
+    return _only(session, select(Pump).where(Pump.serial == serial), Pump, principal, operator, f"pump {serial}")
+
+
+def aircraft(session: Session, principal: Principal, name: str, operator: str | None) -> Aircraft:
+    """One aircraft by name, within the operator's own; raises as ``pump``."""
+    query = select(Aircraft).where(Aircraft.name == name)
+    return _only(session, query, Aircraft, principal, operator, f"aircraft {name}")
+
+
+Owned = TypeVar("Owned", Pump, Aircraft)
+
+
+def _only(
+    session: Session,
+    query: Select[Owned],
+    table: type[Owned],
+    principal: Principal,
+    operator: str | None,
+    words: str,
+) -> Owned:
+    """The one row of a query that belongs to the principal's operator, or to the one that was named."""
     wanted = principal.operator or operator
     if wanted is not None:
-        query = query.where(Pump.operator == wanted)
+        query = query.where(table.operator == wanted)
     rows = session.scalars(query.limit(2)).all()
     if len(rows) > 1:
-        raise NotFound(f"several operators have a pump {serial}: name one with ?operator=")
+        article = "an" if words[0] in "aeiou" else "a"
+        raise NotFound(f"several operators have {article} {words}: name one with ?operator=")
     if not rows or (operator is not None and rows[0].operator != operator):
-        raise NotFound(f"there is no pump {serial}")
+        raise NotFound(f"there is no {words}")
     return rows[0]
+
+
+Made = TypeVar("Made", ApiKey, Webhook)
+
+
+def in_order_of_making(table: type[Made], principal: Principal, after: Sequence[Any] | None) -> Select[Made]:
+    """Keys or webhooks that an admin may manage, the oldest first, behind the place of a cursor."""
+    query = select(table).order_by(table.created_at, table.id)
+    if principal.operator is not None:
+        query = query.where(table.operator == principal.operator)
+    if after is not None:
+        query = query.where(tuple_(table.created_at, table.id) > (datetime.fromisoformat(after[0]), after[1]))
+    return query
 
 
 def records(

@@ -6,8 +6,23 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from detectors.verdict import TREND_METRICS
 from service import queries
+from service.errors import Fault, Invalid
 from service.tables import Pump, StoredAssessment
+
+
+def check_metric(metric: str) -> None:
+    """Refuse a metric that no trend has.
+
+    Raises
+    ------
+    Invalid
+        naming the metrics there are.
+    """
+    if metric not in TREND_METRICS:
+        known = ", ".join(TREND_METRICS)
+        raise Invalid(f"there is no metric {metric!r}", [Fault("query.metric", f"is not one of {known}")])
 
 
 def trend_of(

@@ -6,7 +6,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service import queries
-from service.errors import NotFound
 from service.security import Principal
 from service.tables import Aircraft, Pump
 
@@ -27,26 +26,6 @@ def locked_pumps(session: Session, ids: Collection[int]) -> list[Pump]:
     """Several pumps, locked in the order of their numbers."""
     query = select(Pump).where(Pump.id.in_(ids)).order_by(Pump.id).with_for_update()
     return list(session.scalars(query.execution_options(populate_existing=True)))
-
-
-def aircraft(session: Session, asker: Principal, name: str, operator: str | None) -> Aircraft:
-    """One aircraft, within the asker's own.
-
-    Raises
-    ------
-    NotFound
-        when there is none that the asker may see, or several operators have one and none was named.
-    """
-    query = select(Aircraft).where(Aircraft.name == name)
-    wanted = asker.operator or operator
-    if wanted is not None:
-        query = query.where(Aircraft.operator == wanted)
-    rows = session.scalars(query.limit(2)).all()
-    if len(rows) > 1:
-        raise NotFound(f"several operators have an aircraft {name}: name one with ?operator=")
-    if not rows or (operator is not None and rows[0].operator != operator):
-        raise NotFound(f"there is no aircraft {name}")
-    return rows[0]
 
 
 def lock_aircraft(session: Session, row: Aircraft) -> None:

@@ -8,12 +8,11 @@ from sqlalchemy.exc import IntegrityError
 from detectors.verdict import TREND_METRICS
 from service import audit, queries
 from service.context import Asker, ContextOf
-from service.errors import Conflict, Fault, Invalid
-from service.monitoring.trend import points_of, thinned
+from service.errors import Conflict
+from service.monitoring.trend import check_metric, points_of, thinned
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.registry import aircraft as registry
 from service.registry.fields import Instant
-from service.registry.locks import aircraft as found_aircraft
 
 router = APIRouter(prefix="/aircraft", tags=["registry"])
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this aircraft")]
@@ -54,7 +53,7 @@ def create(body: registry.NewAircraft, response: Response, context: ContextOf, a
 def one(name: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
     """Fluid, circuit and sensors of an aircraft; ``confirmed`` is false for one that only records speak of."""
     with context.database.reading() as session:
-        return registry.document(session, found_aircraft(session, asker, name, operator))
+        return registry.document(session, queries.aircraft(session, asker, name, operator))
 
 
 @router.patch("/{name}", summary="Change an aircraft")
@@ -64,7 +63,7 @@ def change(
     """Set what the body names; its pumps are folded anew where circuit, fluid or sensors change."""
     asker.require("engineer")
     with context.database.writing() as session:
-        row = found_aircraft(session, asker, name, operator)
+        row = queries.aircraft(session, asker, name, operator)
         registry.change(session, row, body, asker.owner, context.archive)
         details = body.model_dump(mode="json", exclude_unset=True)
         audit.note(session, asker, "aircraft.change", f"aircraft/{row.name}", row.operator, details)
@@ -84,11 +83,9 @@ def trend(
     points: Annotated[int, Query(ge=4, le=10_000)] = 1000,
 ) -> dict[str, Any]:
     """Points of a metric over all pumps that sat at a position, in event order; each names its pump."""
-    if metric not in TREND_METRICS:
-        known = ", ".join(TREND_METRICS)
-        raise Invalid(f"there is no metric {metric!r}", [Fault("query.metric", f"is not one of {known}")])
+    check_metric(metric)
     with context.database.reading() as session:
-        row = found_aircraft(session, asker, name, operator)
+        row = queries.aircraft(session, asker, name, operator)
         pairs = session.execute(queries.assessments_at(row.operator, row.name, position)).all()
         serials = {assessment.record_id: serial for assessment, serial in pairs}
         items = points_of([assessment for assessment, _ in pairs], metric, since, until)

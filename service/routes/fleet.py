@@ -9,9 +9,9 @@ from fastapi import APIRouter, Query
 from detectors.verdict import TREND_METRICS
 from service import queries
 from service.context import Asker, ContextOf
-from service.errors import Fault, Invalid
 from service.instants import check_instants
 from service.monitoring.fleet_trend import GroupBy, fleet_trend
+from service.monitoring.trend import check_metric
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, cursor_after, place_of
 from service.ranking import by_state, ranked
 from service.registry.findings import judged_findings, rates
@@ -74,9 +74,7 @@ def trend(
     points: Annotated[int, Query(ge=4, le=10_000, description="About so many per group")] = 500,
 ) -> dict[str, Any]:
     """Points of a metric in event order for each group, thinned without losing extremes."""
-    if metric not in TREND_METRICS:
-        known = ", ".join(TREND_METRICS)
-        raise Invalid(f"there is no metric {metric!r}", [Fault("query.metric", f"is not one of {known}")])
+    check_metric(metric)
     check_instants(**{"from": since, "to": until})
     with context.database.reading() as session:
         groups = fleet_trend(session, asker, metric, group_by, since, until, points)

@@ -5,9 +5,8 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import select, tuple_
 
-from service import audit
+from service import audit, queries
 from service.context import Asker, ContextOf
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -41,11 +40,7 @@ def listed(
     asker.require("admin")
     query = {"list": "keys"}
     after = place_of(query, cursor)
-    wanted = select(ApiKey).order_by(ApiKey.created_at, ApiKey.id)
-    if asker.operator is not None:
-        wanted = wanted.where(ApiKey.operator == asker.operator)
-    if after is not None:
-        wanted = wanted.where(tuple_(ApiKey.created_at, ApiKey.id) > (datetime.fromisoformat(after[0]), after[1]))
+    wanted = queries.in_order_of_making(ApiKey, asker, after)
     with context.database.reading() as session:
         rows = list(session.scalars(wanted.limit(limit + 1)))
         return page(rows, limit, query, lambda row: [row.created_at.isoformat(), row.id], _shown)

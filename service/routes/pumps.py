@@ -11,11 +11,11 @@ from detectors.curve_svg import curve_svg
 from detectors.verdict import TREND_METRICS
 from service import audit, queries
 from service.context import Asker, ContextOf
-from service.errors import Conflict, Fault, Invalid
+from service.errors import Conflict
 from service.monitoring.curve import curve_of, curve_png
 from service.monitoring.forecast import forecast_of
 from service.monitoring.refold import verdict_known_at
-from service.monitoring.trend import trend_of
+from service.monitoring.trend import check_metric, trend_of
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.registry import pumps as registry
 from service.registry.fields import Instant
@@ -146,9 +146,7 @@ def trend(
     points: Annotated[int, Query(ge=4, le=10_000)] = 1000,
 ) -> dict[str, Any]:
     """Points of a metric in event order, thinned to about ``points`` without losing extremes."""
-    if metric not in TREND_METRICS:
-        known = ", ".join(TREND_METRICS)
-        raise Invalid(f"there is no metric {metric!r}", [Fault("query.metric", f"is not one of {known}")])
+    check_metric(metric)
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         items = trend_of(session, row, metric, since, until, points)

@@ -6,10 +6,10 @@ from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import select, tuple_
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service import audit
+from service import audit, queries
 from service.context import Asker, ContextOf
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.notifications.guard import Blocked, target_of
@@ -48,11 +48,7 @@ def listed(
     asker.require("admin")
     query = {"list": "webhooks"}
     after = place_of(query, cursor)
-    wanted = select(Webhook).order_by(Webhook.created_at, Webhook.id)
-    if asker.operator is not None:
-        wanted = wanted.where(Webhook.operator == asker.operator)
-    if after is not None:
-        wanted = wanted.where(tuple_(Webhook.created_at, Webhook.id) > (datetime.fromisoformat(after[0]), after[1]))
+    wanted = queries.in_order_of_making(Webhook, asker, after)
     with context.database.reading() as session:
         rows = list(session.scalars(wanted.limit(limit + 1)))
         return page(rows, limit, query, lambda row: [row.created_at.isoformat(), row.id], _shown)
