@@ -10,16 +10,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import INDEX, N_COMPONENTS
-from detectors.filter_kernel import N_MEASURED, advance, step
+from detectors.components import AMPLITUDE, N_COMPONENTS, N_SLOW, N_STATE, PLACE
+from detectors.filter_kernel import N_MEASURED, ZERO, advance, step
 from detectors.filter_refit import fit_anew
 from detectors.filter_summary import ARRIVAL, RAMP, spawned
 from detectors.state_model import (
-    AMPLITUDE,
     FAULT_KINDS,
     MEASURED_RESERVOIR_SD_BAR,
     N_KINDS,
-    N_STATE,
     UNMEASURED_RESERVOIR_WALK_BAR,
     directions,
     kind_scales,
@@ -33,12 +31,12 @@ Integers = NDArray[np.int64]
 
 HEALTHY = -1
 SPAWN_EVERY = 4
-MOST_ONSETS = 5
+_MOST_STEPS, _MOST_RAMPS = 5, 3
+"""Onsets of one kind that are kept: where a ramp began matters less than where a step stood."""
 _FIRST_RECORDS = 5
 _FIRST_ITERATIONS = 3
 _FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 """Records after which every filter is fitted to its whole history anew (``detectors.filter_refit``)."""
-_NOWHERE = np.empty(0)
 ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
 """Mean and spread of what a pump leaks on top that arrives worn: the acceptance limit lies 0.2 above the nominal pump's
@@ -59,17 +57,15 @@ _AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
 """Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
 _RATE_WALK = 0.05
 """Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
-_CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * 2 * MOST_ONSETS
+_CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
 
-_DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
+DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
+"""What each kind of fault moves per unit of amplitude, zeros for the healthy pump last, shape (N_KINDS + 1, N_COMPONENTS)."""
+_MOST_ONSETS = np.array([[_MOST_STEPS] * N_KINDS, [_MOST_RAMPS * k.grows for k in FAULT_KINDS]])
+_BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
+_OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
 _WALK = walk_variance()
-
-
-def directions_of(kind: int) -> Array:
-    """What a kind of fault moves per unit of amplitude; zeros for the healthy pump (-1), shape (N_COMPONENTS,)."""
-    direction: Array = _DIRECTIONS[kind]
-    return direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +105,8 @@ class Bank:
     kind, shape, onset
         Index into ``FAULT_KINDS`` (-1: healthy), ``STEP`` or ``RAMP``, and the record number at which the fault
         sets in, shape (M,).
+    alive
+        How much of the state is alive: all, or N_SLOW as long as the history held no line.
     log_evidence
         Log of prior times product of predictive densities, shape (M,).
     """
@@ -120,6 +118,7 @@ class Bank:
     shape: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
     onset: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
     log_evidence: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
+    alive: int = N_SLOW
     n: int = 1
     records: int = 0
     reservoir_measured: bool = True
@@ -201,13 +200,14 @@ class Bank:
             self._walk(),
             amplitude,
             rate,
-            _DIRECTIONS,
+            DIRECTIONS,
             np.array([m.anchor for _, m in taken]),
             np.array([m.ripple for _, m in taken]),
             np.array([m.values for _, m in taken]),
             np.array([m.noise for _, m in taken]),
             seen,
             np.array([self.base_records + i for i, _ in taken]),
+            self.alive,
         )
         self.log_evidence[rows] += held - self.log_evidence[0]
         self.log_evidence[:n] -= self.log_evidence[:n].max()
@@ -222,7 +222,7 @@ class Bank:
         if self.reservoir_measured:
             return _WALK
         walk = _WALK.copy()
-        walk[INDEX["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
+        walk[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
         return walk
 
     def _wander(self) -> tuple[Array, Array]:
@@ -237,20 +237,22 @@ class Bank:
         advance(self.mean, self.covariance, self.n, self._walk(), amplitude, rate)
 
     def _take(self, measurement: Measurement, iterations: int) -> None:
+        if measurement.seen[-1] > ZERO:
+            self.alive = N_STATE
         step(
             self.mean,
             self.covariance,
             self.kind,
             self.log_evidence,
             self.n,
-            _DIRECTIONS,
+            DIRECTIONS,
             measurement.anchor,
             measurement.ripple,
             measurement.values,
             measurement.noise,
             measurement.seen,
+            self.alive,
             iterations,
-            _NOWHERE,
         )
 
     def spawn(self) -> None:
@@ -267,8 +269,17 @@ class Bank:
             _SCALES[:-1],
             RAMP_RECORDS,
             LOG_HAZARD,
-            MOST_ONSETS,
+            self._most_onsets(),
         )
+
+    def _most_onsets(self) -> Integers:
+        """How many onsets are kept by shape and kind: none of what this history cannot tell from another kind."""
+        most = _MOST_ONSETS.copy()
+        if self.alive == N_SLOW:
+            most[:, _BY_LINES] = 0
+        if not self.reservoir_measured:
+            most[:, _OF_RESERVOIR] = 0
+        return most
 
     def reset(self, components: tuple[str, ...]) -> None:
         """After maintenance that touched ``components`` their spread is the population's again.
@@ -279,7 +290,7 @@ class Bank:
         self._keep(np.flatnonzero(~touched[self.kind[: self.n]]))
         _, sd = prior(self.pump)
         for name in components:
-            self._forget(INDEX[name], sd[INDEX[name]])
+            self._forget(PLACE[name], sd[PLACE[name]])
         self._rebase()
 
     def _keep(self, rows: Integers) -> None:
@@ -296,7 +307,7 @@ class Bank:
         covariance[:, place, place] = sd**2
 
     def _set_reservoir(self, measured: bool) -> None:
-        place = INDEX["reservoir"]
+        place = PLACE["reservoir"]
         spread = MEASURED_RESERVOIR_SD_BAR if measured else self.pump.population["reservoir_pressure_bar"].value
         self._forget(place, spread)
         self.mean[: self.n, place] = 0.0

@@ -9,15 +9,13 @@ ramp grew since then.
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import N_COMPONENTS
-from detectors.filter_kernel import advance, step
+from detectors.components import AMPLITUDE, N_STATE, RATE
+from detectors.filter_kernel import advance, take, workspace
 from detectors.filter_summary import ARRIVAL, RAMP, STEP
 from twin.compiled import compiled
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-
-_AMPLITUDE, _RATE, _N = N_COMPONENTS, N_COMPONENTS + 1, N_COMPONENTS + 2
 
 
 @compiled
@@ -46,6 +44,7 @@ def fit_anew(
     noises: Array,
     seen: NDArray[np.bool_],
     record: Integers,
+    alive: int,
 ) -> None:
     """Fit the filters ``rows`` anew, in place.
 
@@ -61,20 +60,24 @@ def fit_anew(
         As in ``filter_kernel.advance``; the last two by filter.
     anchors, ripples, values, noises, seen, record
         Measurements in order, first axis M, and the record that each belongs to.
+    alive
+        How much of the state is alive (``n`` of ``filter_kernel.take``).
     """
-    nowhere = np.zeros(1)
+    still = np.zeros(1)
+    wide, small = workspace()
+    places, point = np.empty(seen.shape[1], dtype=np.int64), np.empty(N_STATE)
+    last = record[len(record) - 1]
     for f in rows:
         m, P = mean[f : f + 1], covariance[f : f + 1]
-        k, e = kind[f : f + 1], log_evidence[f : f + 1]
+        k, direction = kind[f], directions[kind[f]]
         about = m[0].copy()
-        amplitude, rate = about[_AMPLITUDE], about[_RATE]
-        last = record[len(record) - 1]
+        amplitude, rate = about[AMPLITUDE], about[RATE]
         m[0], P[0] = base_mean, base_variance
-        e[0] = 0.0 if k[0] < 0 else log_prior[shape[f]]
-        begun = k[0] < 0
-        if shape[f] == ARRIVAL and k[0] >= 0:
-            m[0, _AMPLITUDE] = arrival[0]
-            P[0, _AMPLITUDE, _AMPLITUDE] = arrival[1] ** 2
+        log_evidence[f] = 0.0 if k < 0 else log_prior[shape[f]]
+        begun = k < 0
+        if shape[f] == ARRIVAL and k >= 0:
+            m[0, AMPLITUDE] = arrival[0]
+            P[0, AMPLITUDE, AMPLITUDE] = arrival[1] ** 2
             begun = True
         at = base_records - 1
         for i in range(len(record)):
@@ -83,19 +86,40 @@ def fit_anew(
                 if not begun and at >= onset[f]:
                     begun = True
                     if shape[f] == STEP:
-                        P[0, _AMPLITUDE, _AMPLITUDE] = scales[k[0]] ** 2
+                        P[0, AMPLITUDE, AMPLITUDE] = scales[k] ** 2
                     else:
-                        P[0, _RATE, _RATE] = (scales[k[0]] / ramp_records) ** 2
+                        P[0, RATE, RATE] = (scales[k] / ramp_records) ** 2
                 if begun:
                     advance(m, P, 1, walk, amplitude_walk[f : f + 1], rate_walk[f : f + 1])
                 else:
-                    advance(m, P, 1, walk, nowhere, nowhere)
-                about[_AMPLITUDE], about[_RATE] = 0.0, 0.0
-                if begun and k[0] >= 0:
-                    about[_AMPLITUDE] = amplitude
+                    advance(m, P, 1, walk, still, still)
+                about[AMPLITUDE], about[RATE] = 0.0, 0.0
+                if begun and k >= 0:
+                    about[AMPLITUDE] = amplitude
                     if shape[f] == RAMP:
                         # back along the ramp from where it stands, never beyond its foot
                         share = (at - onset[f] + 1.0) / max(last - onset[f] + 1.0, 1.0)
-                        about[_AMPLITUDE], about[_RATE] = amplitude * share, rate
-            which = np.flatnonzero(seen[i])
-            step(m, P, k, e, 1, directions, anchors[i], ripples[i], values[i], noises[i], which, 1, about)
+                        about[AMPLITUDE], about[RATE] = amplitude * share, rate
+            n_seen = 0
+            for j in range(seen.shape[1]):
+                if seen[i, j]:
+                    places[n_seen] = j
+                    n_seen += 1
+            for j in range(N_STATE):
+                point[j] = about[j]
+            log_evidence[f] += take(
+                m[0],
+                P[0],
+                direction,
+                anchors[i],
+                ripples[i],
+                values[i],
+                noises[i],
+                places,
+                n_seen,
+                alive,
+                1,
+                point,
+                wide,
+                small,
+            )

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import N_COMPONENTS
+from detectors.components import AMPLITUDE, RATE
 from twin.compiled import compiled
 
 Array = NDArray[np.float64]
@@ -13,7 +13,6 @@ Integers = NDArray[np.int64]
 
 STEP, RAMP, ARRIVAL = 0, 1, 2
 """Shapes of a fault: there at once, growing, there from the first record on."""
-_AMPLITUDE, _RATE, _N = N_COMPONENTS, N_COMPONENTS + 1, N_COMPONENTS + 2
 
 
 @compiled
@@ -67,8 +66,8 @@ def summed(
     for f in range(m):
         weights[f] = log_evidence[f]
         if kind[f] >= 0 and signs[kind[f]] == 1:
-            spread = math.sqrt(max(covariance[f, _AMPLITUDE, _AMPLITUDE], 1.0e-300))
-            weights[f] += log_normal_above(mean[f, _AMPLITUDE] / spread) + math.log(2.0)
+            spread = math.sqrt(max(covariance[f, AMPLITUDE, AMPLITUDE], 1.0e-300))
+            weights[f] += log_normal_above(mean[f, AMPLITUDE] / spread) + math.log(2.0)
         most = max(most, weights[f])
     total = 0.0
     for f in range(m):
@@ -85,7 +84,7 @@ def summed(
             first_kind[groups[k]] = k
     for f in range(m):
         weights[f] /= total
-        w, k, amplitude = weights[f], kind[f], mean[f, _AMPLITUDE]
+        w, k, amplitude = weights[f], kind[f], mean[f, AMPLITUDE]
         floor = floors[k] if shape[f] != ARRIVAL else floors[len(floors) - 1]
         place = states[k] if abs(amplitude) >= floor and k >= 0 else healthy
         all_sums[place] += w
@@ -98,7 +97,7 @@ def summed(
         if k < 0 or groups[k] < 0:
             continue
         g = groups[k]
-        variance = max(covariance[f, _AMPLITUDE, _AMPLITUDE], 0.0)
+        variance = max(covariance[f, AMPLITUDE, AMPLITUDE], 0.0)
         moments[g, 0] += w
         moments[g, 1] += w * amplitude
         moments[g, 2] += w * (variance + amplitude * amplitude)
@@ -121,25 +120,30 @@ def spawned(
     scales: Array,
     ramp_records: float,
     log_hazard: float,
-    most_onsets: int,
+    most_onsets: Integers,
 ) -> int:
-    """A step and a ramp of each kind setting in now, in place; the least likely old onset gives way. New count."""
+    """A step and a ramp of each kind setting in now, in place; the least likely old onset gives way. New count.
+
+    ``most_onsets`` holds how many of a shape and kind are kept, shape (2, n_kinds).
+    """
     for k in range(len(scales)):
         for form in (STEP, RAMP):
+            if most_onsets[form, k] == 0:
+                continue
             held, place = 0, -1
             for f in range(n):
                 if kind[f] == k and shape[f] == form:
                     held += 1
                     if place < 0 or log_evidence[f] < log_evidence[place]:
                         place = f
-            if held < most_onsets:
+            if held < most_onsets[form, k]:
                 place = n
                 n += 1
             mean[place], covariance[place] = mean[0], covariance[0]
             if form == STEP:
-                covariance[place, _AMPLITUDE, _AMPLITUDE] = scales[k] ** 2
+                covariance[place, AMPLITUDE, AMPLITUDE] = scales[k] ** 2
             else:
-                covariance[place, _RATE, _RATE] = (scales[k] / ramp_records) ** 2
+                covariance[place, RATE, RATE] = (scales[k] / ramp_records) ** 2
             kind[place], shape[place], onset[place] = k, form, records
             log_evidence[place] = log_evidence[0] + log_hazard
     return n

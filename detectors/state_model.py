@@ -10,15 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import INDEX, N_COMPONENTS
+from detectors.components import INDEX, N_COMPONENTS, N_STATE, PLACE
 from detectors.verdict import State
 from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
-
-AMPLITUDE = N_COMPONENTS
-RATE = N_COMPONENTS + 1
-N_STATE = N_COMPONENTS + 2
 
 ONCE_PER_LEAKAGE = 1.1
 """Line at once per revolution in discharge pressure that unequal leakage draws [bar per L/min]: one slipper gap x 1.8
@@ -31,7 +27,8 @@ class FaultKind:
 
     ``scale`` is the one-sigma size of a fault in the first component's unit; ``floor`` the size below which it is
     not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does
-    not heal), 0 when both directions occur. ``sensor`` names the channel of a sensor fault.
+    not heal), 0 when both directions occur. ``sensor`` names the channel of a sensor fault; ``grows`` is False for what
+    comes at once or not at all.
     """
 
     name: str
@@ -41,6 +38,7 @@ class FaultKind:
     floor: float
     sign: int
     sensor: str | None = None
+    grows: bool = True
 
     @property
     def component(self) -> str:
@@ -67,7 +65,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     FaultKind("system leakage, laminar", State.SYSTEM_LEAKAGE, (("system_laminar", 1.0),), 1.5, 0.3, 1),
     FaultKind("drain restriction", State.DRAIN_RESTRICTION, (("ln_drain", 1.0),), 0.3, 0.06, 1),
     FaultKind("case sensor", State.SENSOR_FAULT, (("case_offset", 1.0),), 0.15, 0.06, 0, "case_pressure_bar"),
-    FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.05, 0.0, 0),
+    FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.05, 0.0, 0, grows=False),
     FaultKind("reservoir sensor", State.SENSOR_FAULT, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar"),
 )
 """Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show."""
@@ -91,8 +89,6 @@ def kind_scales() -> Array:
 _WALK: dict[str, float] = {
     "ln_slipper": 0.001,
     "ln_laminar": 0.001,
-    "slipper_extra": 0.0,
-    "laminar_extra": 0.0,
     "throttled": 0.0003,
     "bleed": 0.0004,
     "system_orifice": 0.004,
@@ -123,15 +119,13 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
     """Mean and one-sigma spread of the state of a newly installed healthy pump, shapes (N_STATE,), (N_STATE,)."""
     population = pump.population
     mean, sd = np.zeros(N_STATE), np.zeros(N_STATE)
-    mean[INDEX["system_orifice"]] = 0.4  # towards the by-pass flow of table 2-1
-    mean[INDEX["drain_viscosity"]] = 0.2
-    mean[INDEX["drain_flow"]] = 0.2
-    mean[INDEX["once"]] = 0.03
+    mean[PLACE["system_orifice"]] = 0.4  # towards the by-pass flow of table 2-1
+    mean[PLACE["drain_viscosity"]] = 0.2
+    mean[PLACE["drain_flow"]] = 0.2
+    mean[PLACE["once"]] = 0.03
     spread = {
         "ln_slipper": population["pump_leakage_scale"].value,
         "ln_laminar": population["pump_leakage_scale"].value,
-        "slipper_extra": 0.0,
-        "laminar_extra": 0.0,
         "throttled": 0.02,
         "bleed": 0.05,
         "system_orifice": population["system_leakage_lpm"].value,
@@ -151,7 +145,7 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
         "once": 0.03,
     }
     for name, value in spread.items():
-        sd[INDEX[name]] = value
+        sd[PLACE[name]] = value
     return mean, sd
 
 
@@ -159,5 +153,5 @@ def walk_variance() -> Array:
     """Process noise of a healthy pump from record to record, shape (N_STATE,)."""
     variance = np.zeros(N_STATE)
     for name, sd in _WALK.items():
-        variance[INDEX[name]] = sd**2
+        variance[PLACE[name]] = sd**2
     return variance

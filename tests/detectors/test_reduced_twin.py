@@ -81,7 +81,7 @@ def test_pressures_of_every_fault_are_those_of_the_operating_point(
     points = operating_points(
         PUMP.pump, input_rows(asked, [health_of(f, a) for f, a in zip(states, rows, strict=True)]), circuit
     )
-    y, slopes = np.empty((N, 2)), np.empty((2, c.N_COMPONENTS))
+    y, slopes = np.empty((N, 2)), np.empty((3, c.N_COMPONENTS))
     for i, full in enumerate(states):
         pressures(rows[i], full, y[i], slopes)
     case = points.value("case_pressure_bar")
@@ -117,13 +117,14 @@ def test_slopes_are_those_of_differences() -> None:
         full = own_state(rng)
         full[c.BLEED], full[c.THROTTLED], full[c.SYSTEM_LAMINAR], full[c.LAMINAR_EXTRA] = 0.05, 0.1, 0.2, 0.2
         full[c.LN_VISCOSITY] = 0.03
-        y, slopes = np.empty(2), np.empty((2, c.N_COMPONENTS))
-        above, below, unused = np.empty(2), np.empty(2), np.empty((2, c.N_COMPONENTS))
+        y, slopes = np.empty(2), np.empty((3, c.N_COMPONENTS))
+        above, below, unused = np.empty(2), np.empty(2), np.empty((3, c.N_COMPONENTS))
         pressures(row, full, y, slopes)
         for i in range(c.N_COMPONENTS):
             moved = full.copy()
             moved[i] += 1e-5
-            pressures(row, moved, above, unused)
+            more = pressures(row, moved, above, unused)
             moved[i] -= 2e-5
-            pressures(row, moved, below, unused)
-            assert slopes[:, i] == pytest.approx((above - below) / 2e-5, abs=3e-4, rel=1e-3), c.COMPONENTS[i]
+            less = pressures(row, moved, below, unused)
+            differences = np.array([*(above - below), more - less]) / 2e-5
+            assert slopes[:, i] == pytest.approx(differences, abs=3e-4, rel=1e-3), c.COMPONENTS[i]
