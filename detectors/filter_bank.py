@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import AMPLITUDE, N_COMPONENTS, N_SLOW, N_STATE, PLACE
+from detectors.components import AMPLITUDE, N_COMPONENTS, N_SLOW, N_STATE, PLACE, RATE
 from detectors.filter_kernel import N_MEASURED, ZERO, advance, step
 from detectors.filter_refit import fit_anew
 from detectors.filter_summary import ARRIVAL, RAMP, spawned
@@ -21,9 +21,11 @@ from detectors.state_model import (
     UNMEASURED_RESERVOIR_WALK_BAR,
     directions,
     kind_scales,
+    log_hazards,
     prior,
     walk_variance,
 )
+from detectors.verdict import State
 from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
@@ -47,12 +49,10 @@ ARRIVAL_FLOOR_LPM = 0.5
 """Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
 _LOG_ARRIVAL = float(np.log(0.04))
 """Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
-LOG_HAZARD = float(np.log(1.0e-3))
-"""Prior of one kind of fault setting in, as a step or as a ramp, within the spacing of onset candidates (estimate)."""
 RAMP_RECORDS = 30.0
 """Records in which a ramp of one sigma grows by a fault's scale: wide enough for 0.04 L/min a flight, and not so wide
 that 0.004 would be punished (estimate)."""
-_LOG_PRIORS = np.array([LOG_HAZARD, LOG_HAZARD, _LOG_ARRIVAL])
+_LOG_PRIORS = np.vstack((log_hazards(), np.full(N_KINDS, _LOG_ARRIVAL)))
 _AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
 """Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
 _RATE_WALK = 0.05
@@ -61,7 +61,10 @@ _CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
 
 DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
 """What each kind of fault moves per unit of amplitude, zeros for the healthy pump last, shape (N_KINDS + 1, N_COMPONENTS)."""
-_MOST_ONSETS = np.array([[_MOST_STEPS] * N_KINDS, [_MOST_RAMPS * k.grows for k in FAULT_KINDS]])
+_MOST_PASSES = 6
+_MOST_ONSETS = np.array([[_MOST_STEPS] * N_KINDS, [_MOST_RAMPS * (k.growing is not None) for k in FAULT_KINDS]])
+_IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
+_BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
 _BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
 _OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
@@ -158,13 +161,32 @@ class Bank:
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.records += 1
         self.learnt.append(measurements)
+        self._accept()
         if self.records - self.base_records in _FITTED_ANEW_AT:
-            for _ in range(2 if self.records - self.base_records <= 16 else 1):
-                self._fit_anew()
+            self._fit_anew()
         settled = self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0
         # half a bar of unknown reservoir pressure is as much as a worn pump makes: without the sensor nobody can say
         if settled or not self.reservoir_measured:
             self._keep(np.flatnonzero(self.shape[: self.n] != ARRIVAL))
+
+    def _accept(self) -> None:
+        """Let the healthy pump go on from where a healthy change took it, once that is beyond doubt."""
+        n = self.n
+        changed = np.flatnonzero(_IS_HEALTHY[self.kind[:n]] & (self.onset[:n] <= self.records - _BEYOND_DOUBT_RECORDS))
+        if not len(changed):
+            return
+        likeliest = changed[self.log_evidence[changed].argmax()]
+        if self.log_evidence[likeliest] < self.log_evidence[0] + _BEYOND_DOUBT:
+            return
+        into = np.eye(N_STATE)
+        for name, share in FAULT_KINDS[self.kind[likeliest]].moves:
+            into[PLACE[name], AMPLITUDE] = share
+        into[AMPLITUDE] = into[RATE] = 0.0
+        self.mean[0] = into @ self.mean[likeliest]
+        self.covariance[0] = into @ self.covariance[likeliest] @ into.T
+        self.log_evidence[0] = self.log_evidence[likeliest]
+        self._keep(np.setdiff1d(np.arange(n), changed))
+        self._rebase()
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
@@ -173,7 +195,7 @@ class Bank:
         self.learnt[-1] = (*self.learnt[-1], measurement)
 
     def _fit_anew(self) -> None:
-        """Fit every filter to everything learnt since the base, linearised about where it stands now."""
+        """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""
         n = self.n
         rows = np.flatnonzero((self.kind[:n] == HEALTHY) | (self.onset[:n] >= self.base_records))
         held = self.log_evidence[0]
@@ -208,6 +230,7 @@ class Bank:
             seen,
             np.array([self.base_records + i for i, _ in taken]),
             self.alive,
+            _MOST_PASSES,
         )
         self.log_evidence[rows] += held - self.log_evidence[0]
         self.log_evidence[:n] -= self.log_evidence[:n].max()
@@ -268,7 +291,7 @@ class Bank:
             self.records,
             _SCALES[:-1],
             RAMP_RECORDS,
-            LOG_HAZARD,
+            _LOG_PRIORS,
             self._most_onsets(),
         )
 

@@ -98,7 +98,7 @@ def _cholesky(A: Array, n: int) -> bool:
 @compiled
 def workspace() -> tuple[Array, Array]:
     """Room for ``take``: rows as wide as the slopes, and the small matrices of what was measured."""
-    return np.empty((3 * N_MEASURED + 4, N_SLOPES)), np.empty((2 * N_MEASURED + 3, N_MEASURED))
+    return np.empty((3 * N_MEASURED + 4, N_SLOPES)), np.empty((3 * N_MEASURED + 5, N_MEASURED))
 
 
 @compiled
@@ -115,6 +115,7 @@ def take(
     n: int,
     iterations: int,
     point: Array,
+    wander: Array,
     wide: Array,
     small: Array,
 ) -> float:
@@ -136,6 +137,9 @@ def take(
         How often the twin is linearised anew about the updated state.
     point
         Where to linearise first, shape (N,); overwritten.
+    wander
+        Variance by which the state may have moved between here and ``point``, shape (N,), where that was fitted to a
+        whole history and may say by itself that this measurement is an outlier; empty where it was not.
     wide, small
         From ``workspace``.
     """
@@ -172,6 +176,8 @@ def take(
             return log_density + _IMPOSSIBLE
         if iteration == 0:
             log_density = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k) * math.log1p(distance / STUDENT_DEGREES)
+        if len(wander) > 0:
+            distance = max(distance, _residual_distance(H, values, y, noise, seen, k, n, wander, small))
         inflation = max(1.0, (STUDENT_DEGREES + distance) / (STUDENT_DEGREES + k))
         if inflation > 1.0:
             for a in range(k):
@@ -204,6 +210,29 @@ def take(
 
 
 @compiled
+def _residual_distance(
+    H: Array, values: Array, y: Array, noise: Array, seen: Integers, k: int, n: int, wander: Array, small: Array
+) -> float:
+    """Squared distance of what was measured from what the linearisation point says, in noise and wander."""
+    L, residual, white = (
+        small[2 * N_MEASURED + 3 : 3 * N_MEASURED + 3],
+        small[3 * N_MEASURED + 3],
+        small[3 * N_MEASURED + 4],
+    )
+    for a in range(k):
+        residual[a] = values[seen[a]] - y[seen[a]]
+        for b in range(a + 1):
+            total = noise[seen[a], seen[b]]
+            for j in range(n):
+                total += H[seen[a], j] * H[seen[b], j] * wander[j]
+            L[a, b] = total
+    if not _cholesky(L, k):
+        return 0.0
+    distance, _ = _whitened(L, residual, white, k)
+    return distance
+
+
+@compiled
 def step(
     mean: Array,
     covariance: Array,
@@ -231,7 +260,7 @@ def step(
         As in ``take``, ``seen`` of shape (k,).
     """
     wide, small = workspace()
-    point = np.empty(N_STATE)
+    point, nowhere = np.empty(N_STATE), np.empty(0)
     for f in range(n_filters):
         for i in range(N_STATE):
             point[i] = mean[f, i]
@@ -248,6 +277,7 @@ def step(
             n,
             iterations,
             point,
+            nowhere,
             wide,
             small,
         )

@@ -1,10 +1,13 @@
-"""Fit filters anew to everything learnt, each linearised about where it stands now.
+"""Fit filters anew to everything learnt, each linearised about where its own fit ends.
 
 Resistance, weights of its law and flows multiply each other. A filter that met them one record at a time is surer than
-it should be, and its evidence with it; a second pass about the state that it came to mends both (Gauss-Newton with one
-step, over the whole history). A fault's amplitude is followed back along its shape: a step stands since its onset, a
-ramp grew since then.
+it should be, and its evidence with it; passes over the whole history, each about the state that the last one came to,
+mend both (Gauss-Newton, outliers found anew in every pass). A fault's amplitude is followed back along its shape: a
+step stands since its onset, a ramp grew since then. The healthy pump is tried from the state of the likeliest fault as
+well: a poor start there would be read as a fault.
 """
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,11 @@ from twin.compiled import compiled
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+
+_YOUNG = 16
+"""Records of a history in which every fit is tried from several starts."""
+_SETTLED = 0.3
+"""A fit ends when no component moves by more than this share of its own spread."""
 
 
 @compiled
@@ -45,13 +53,15 @@ def fit_anew(
     seen: NDArray[np.bool_],
     record: Integers,
     alive: int,
+    most_passes: int,
 ) -> None:
     """Fit the filters ``rows`` anew, in place.
 
     Parameters
     ----------
     mean, covariance, kind, shape, onset, log_evidence
-        The bank; evidence is counted anew from ``log_prior`` by shape (steps, ramps, arrivals; the healthy pump's is 0).
+        The bank; evidence is counted anew from ``log_prior``,
+        shape (3, n_kinds): steps, ramps, arrivals; the healthy pump's is 0.
     base_mean, base_variance, base_records
         Where the history begins: state (N,), covariance (N, N), number of records before it.
     scales, ramp_records, arrival
@@ -62,64 +72,157 @@ def fit_anew(
         Measurements in order, first axis M, and the record that each belongs to.
     alive
         How much of the state is alive (``n`` of ``filter_kernel.take``).
+    most_passes
+        Over the history, for each filter from each start.
     """
-    still = np.zeros(1)
-    wide, small = workspace()
-    places, point = np.empty(seen.shape[1], dtype=np.int64), np.empty(N_STATE)
-    last = record[len(record) - 1]
+    start, best_mean, best_covariance = np.empty(N_STATE), np.empty(N_STATE), np.empty((N_STATE, N_STATE))
+    likeliest = rows[0]
     for f in rows:
-        m, P = mean[f : f + 1], covariance[f : f + 1]
-        k, direction = kind[f], directions[kind[f]]
-        about = m[0].copy()
-        amplitude, rate = about[AMPLITUDE], about[RATE]
-        m[0], P[0] = base_mean, base_variance
-        log_evidence[f] = 0.0 if k < 0 else log_prior[shape[f]]
-        begun = k < 0
-        if shape[f] == ARRIVAL and k >= 0:
-            m[0, AMPLITUDE] = arrival[0]
-            P[0, AMPLITUDE, AMPLITUDE] = arrival[1] ** 2
-            begun = True
-        at = base_records - 1
-        for i in range(len(record)):
-            if record[i] != at:
-                at = record[i]
-                if not begun and at >= onset[f]:
-                    begun = True
-                    if shape[f] == STEP:
-                        P[0, AMPLITUDE, AMPLITUDE] = scales[k] ** 2
-                    else:
-                        P[0, RATE, RATE] = (scales[k] / ramp_records) ** 2
-                if begun:
-                    advance(m, P, 1, walk, amplitude_walk[f : f + 1], rate_walk[f : f + 1])
-                else:
-                    advance(m, P, 1, walk, still, still)
-                about[AMPLITUDE], about[RATE] = 0.0, 0.0
-                if begun and k >= 0:
-                    about[AMPLITUDE] = amplitude
-                    if shape[f] == RAMP:
-                        # back along the ramp from where it stands, never beyond its foot
-                        share = (at - onset[f] + 1.0) / max(last - onset[f] + 1.0, 1.0)
-                        about[AMPLITUDE], about[RATE] = amplitude * share, rate
-            n_seen = 0
-            for j in range(seen.shape[1]):
-                if seen[i, j]:
-                    places[n_seen] = j
-                    n_seen += 1
-            for j in range(N_STATE):
-                point[j] = about[j]
-            log_evidence[f] += take(
-                m[0],
-                P[0],
-                direction,
-                anchors[i],
-                ripples[i],
-                values[i],
-                noises[i],
-                places,
-                n_seen,
-                alive,
-                1,
-                point,
-                wide,
-                small,
-            )
+        if log_evidence[f] > log_evidence[likeliest]:
+            likeliest = f
+    other = mean[likeliest].copy()
+    young = record[len(record) - 1] - base_records < _YOUNG
+    for f in rows:
+        k, form = kind[f], shape[f]
+        prior = 0.0 if k < 0 else log_prior[form, k]
+        spread = scales[k] if form == STEP else scales[k] / ramp_records
+        own = mean[f].copy()
+        best = -np.inf
+        for attempt in range(3 if k < 0 else 2):
+            start[:] = own
+            if attempt == 1:
+                # the healthy pump from where the likeliest fault stands, a fault from where the healthy pump does
+                if (k < 0 and likeliest == f) or (k >= 0 and not young):
+                    continue
+                start[:] = other
+                start[AMPLITUDE], start[RATE] = own[AMPLITUDE], own[RATE]
+            if attempt == 2 and not young:
+                continue
+            for passed in range(most_passes):
+                found = prior + _through(
+                    mean[f : f + 1],
+                    covariance[f : f + 1],
+                    k,
+                    form,
+                    onset[f],
+                    start,
+                    attempt == 2 and passed == 0,
+                    base_mean,
+                    base_variance,
+                    base_records,
+                    spread,
+                    arrival,
+                    walk,
+                    amplitude_walk[f : f + 1],
+                    rate_walk[f : f + 1],
+                    directions[k],
+                    anchors,
+                    ripples,
+                    values,
+                    noises,
+                    seen,
+                    record,
+                    alive,
+                )
+                moved = 0.0
+                for j in range(alive):
+                    if covariance[f, j, j] > 0.0:
+                        moved = max(moved, abs(mean[f, j] - start[j]) / math.sqrt(covariance[f, j, j]))
+                if moved < _SETTLED:
+                    break
+                start[:] = mean[f]
+            if found > best:
+                best, best_mean[:], best_covariance[:, :] = found, mean[f], covariance[f]
+        log_evidence[f], mean[f], covariance[f] = best, best_mean, best_covariance
+        if k < 0:
+            other[:] = mean[f]
+
+
+@compiled
+def _through(
+    m: Array,
+    P: Array,
+    kind: int,
+    shape: int,
+    onset: int,
+    about: Array,
+    backwards: bool,
+    base_mean: Array,
+    base_variance: Array,
+    base_records: int,
+    spread: float,
+    arrival: Array,
+    walk: Array,
+    amplitude_walk: Array,
+    rate_walk: Array,
+    direction: Array,
+    anchors: Array,
+    ripples: Array,
+    values: Array,
+    noises: Array,
+    seen: NDArray[np.bool_],
+    record: Integers,
+    alive: int,
+) -> float:
+    """One pass of one filter over the history, linearised about a state; the logarithm of its predictive densities.
+
+    ``m`` (1, N) and ``P`` (1, N, N) receive the filter; ``spread`` is that of a step or of a ramp's rate.
+    ``backwards`` takes a healthy pump's history from its end and weighs records by what came after them: an outlier at
+    the beginning, where nothing is known that it could contradict, is found so.
+    """
+    wide, small = workspace()
+    places, point, still = np.empty(seen.shape[1], dtype=np.int64), about.copy(), np.zeros(1)
+    amplitude, rate = about[AMPLITUDE], about[RATE]
+    last = record[len(record) - 1]
+    m[0], P[0] = base_mean, base_variance
+    begun = kind < 0
+    if shape == ARRIVAL and kind >= 0:
+        m[0, AMPLITUDE] = arrival[0]
+        P[0, AMPLITUDE, AMPLITUDE] = arrival[1] ** 2
+        begun = True
+    total, at = 0.0, base_records - 1
+    along, grows = 0.0, 0.0
+    nowhere = np.empty(0)
+    for place in range(len(record)):
+        i = len(record) - 1 - place if backwards else place
+        if record[i] != at:
+            at = record[i]
+            if not begun and at >= onset:
+                begun = True
+                begins = AMPLITUDE if shape == STEP else RATE
+                P[0, begins, begins] = spread**2
+            if begun:
+                advance(m, P, 1, walk, amplitude_walk, rate_walk)
+            else:
+                advance(m, P, 1, walk, still, still)
+            if begun and kind >= 0:
+                along = amplitude
+                if shape == RAMP:
+                    # back along the ramp from where it stands, never beyond its foot
+                    along, grows = amplitude * (at - onset + 1.0) / max(last - onset + 1.0, 1.0), rate
+        n_seen = 0
+        for j in range(seen.shape[1]):
+            if seen[i, j]:
+                places[n_seen] = j
+                n_seen += 1
+        for j in range(N_STATE):
+            point[j] = about[j]
+        point[AMPLITUDE], point[RATE] = along, grows
+        total += take(
+            m[0],
+            P[0],
+            direction,
+            anchors[i],
+            ripples[i],
+            values[i],
+            noises[i],
+            places,
+            n_seen,
+            alive,
+            1,
+            point,
+            nowhere if backwards else (last - at) * walk,
+            wide,
+            small,
+        )
+    return total

@@ -119,12 +119,13 @@ def spawned(
     records: int,
     scales: Array,
     ramp_records: float,
-    log_hazard: float,
+    log_priors: Array,
     most_onsets: Integers,
 ) -> int:
     """A step and a ramp of each kind setting in now, in place; the least likely old onset gives way. New count.
 
-    ``most_onsets`` holds how many of a shape and kind are kept, shape (2, n_kinds).
+    ``most_onsets`` holds how many of a shape and kind are kept, shape (2, n_kinds), ``log_priors`` how likely each sets in,
+    shape (at least 2, n_kinds).
     """
     for k in range(len(scales)):
         for form in (STEP, RAMP):
@@ -145,5 +146,5 @@ def spawned(
             else:
                 covariance[place, RATE, RATE] = (scales[k] / ramp_records) ** 2
             kind[place], shape[place], onset[place] = k, form, records
-            log_evidence[place] = log_evidence[0] + log_hazard
+            log_evidence[place] = log_evidence[0] + log_priors[form, k]
     return n
