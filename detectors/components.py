@@ -15,7 +15,7 @@ COMPONENTS: tuple[str, ...] = (
     "softening",  # change of the regulated difference per 30 K [bar]
     "ln_droop",
     "ln_drain",
-    "drain_viscosity",  # what of the drain goes with viscosity and with flow: log odds against its constant part
+    "drain_viscosity",  # weights of the drain's law on top of the circuit's own [-]
     "drain_flow",
     "case_warmth",  # what the twin misses of case pressure per 30 K [bar]
     "ln_viscosity",  # the fluid in this aircraft against the data sheet

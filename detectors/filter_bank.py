@@ -33,7 +33,7 @@ Integers = NDArray[np.int64]
 
 HEALTHY = -1
 SPAWN_EVERY = 4
-_MOST_STEPS, _MOST_RAMPS = 5, 3
+_MOST_STEPS, _MOST_RAMPS = 5, 4
 """Onsets of one kind that are kept: where a ramp began matters less than where a step stood."""
 _FIRST_RECORDS = 5
 _FIRST_ITERATIONS = 3

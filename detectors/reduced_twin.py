@@ -32,8 +32,18 @@ _COUNTED = 175.0
 """Pressure difference at which leaks of the circuit and throttled leakage are counted [bar]."""
 _SLIPPER_VISCOSITY = 0.5
 """Exponent of slipper leakage in viscosity: between its land (1) and its throttle (0)."""
+_LEAST_WEIGHT = 0.1
 _UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE)
 """Components that move neither pressure."""
+
+
+@compiled
+def _weight(own: float) -> tuple[float, float]:
+    """A weight of the drain's law and its slope: itself, but never far below zero, for a drain cannot push."""
+    if own >= 0.0:
+        return own, 1.0
+    shrunk = np.exp(own / _LEAST_WEIGHT)
+    return _LEAST_WEIGHT * (shrunk - 1.0), shrunk
 
 
 @compiled
@@ -109,11 +119,8 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     if shared < 0.5:
         drop_i, R_i = 0.0, 0.0
     k_c = anchor[_DRAIN] * np.exp(full[c.LN_DRAIN])
-    # shares of the three laws as odds against the constant part: no state stands for a drain that pushes
-    z_nu, z_Q = np.exp(full[c.DRAIN_VISCOSITY]), np.exp(full[c.DRAIN_FLOW])
-    free = 1.0 - anchor[_W_NU] - anchor[_W_Q]
-    s_nu, s_Q = z_nu / (1.0 + z_nu + z_Q), z_Q / (1.0 + z_nu + z_Q)
-    w_nu, w_Q = anchor[_W_NU] + free * s_nu, anchor[_W_Q] + free * s_Q
+    w_nu, nu_by = _weight(anchor[_W_NU] + full[c.DRAIN_VISCOSITY])
+    w_Q, Q_by = _weight(anchor[_W_Q] + full[c.DRAIN_FLOW])
     nu = anchor[_NU] * np.exp(full[c.LN_VISCOSITY])
     drop_c = drain_pressure_drop(Q_c, k_c, w_nu, w_Q, nu, anchor[_Q_REF])
     R_c = k_c * (w_nu * nu + 2.0 * w_Q * abs(Q_c) / anchor[_Q_REF] + 1.0 - w_nu - w_Q)
@@ -141,10 +148,8 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     _slope(slopes, c.SOFTENING, by, 0.0, anchor[_WARMTH], 0.0, 0.0, 0.0)
     _slope(slopes, c.LN_DROOP, by, 0.0, droop, 0.0, 0.0, 0.0)
     _slope(slopes, c.LN_DRAIN, by, 0.0, 0.0, 0.0, 0.0, drop_c)
-    by_nu, by_Q = nu - 1.0, abs(Q_c) / anchor[_Q_REF] - 1.0
-    whole = free * k_c * Q_c
-    _slope(slopes, c.DRAIN_VISCOSITY, by, 0.0, 0.0, 0.0, 0.0, whole * s_nu * ((1.0 - s_nu) * by_nu - s_Q * by_Q))
-    _slope(slopes, c.DRAIN_FLOW, by, 0.0, 0.0, 0.0, 0.0, whole * s_Q * ((1.0 - s_Q) * by_Q - s_nu * by_nu))
+    _slope(slopes, c.DRAIN_VISCOSITY, by, 0.0, 0.0, 0.0, 0.0, k_c * Q_c * (nu - 1.0) * nu_by)
+    _slope(slopes, c.DRAIN_FLOW, by, 0.0, 0.0, 0.0, 0.0, k_c * Q_c * (abs(Q_c) / anchor[_Q_REF] - 1.0) * Q_by)
     _slope(slopes, c.CASE_WARMTH, by, 0.0, 0.0, 0.0, 0.0, anchor[_WARMTH])
     _slope(slopes, c.RESERVOIR, by, 0.0, 0.0, 0.0, 0.0, 1.0)
     thinner_s, thinner_l = -_SLIPPER_VISCOSITY * own_s, -own_l
@@ -165,7 +170,6 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
 
 def nominal_pressures(anchor: Array) -> tuple[float, float]:
     """Discharge and case pressure of the nominal healthy pump at an anchor [bar gauge]."""
-    y, full = np.empty(2), np.zeros(c.N_COMPONENTS)
-    full[[c.DRAIN_VISCOSITY, c.DRAIN_FLOW]] = -np.inf  # the circuit's own law and nothing else
-    pressures(anchor, full, y, np.empty((3, c.N_COMPONENTS)))
+    y = np.empty(2)
+    pressures(anchor, np.zeros(c.N_COMPONENTS), y, np.empty((3, c.N_COMPONENTS)))
     return float(y[0]), float(y[1])

@@ -50,8 +50,8 @@ class FaultKind:
 _WEARS = -1.6
 """Wear grows: one leak in five sets in at once, and pure orifices are rare among them (estimates) [nat]."""
 FAULT_KINDS: tuple[FaultKind, ...] = (
-    FaultKind("leakage, slippers", State.PUMP_DEGRADATION, (("slipper_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS),
-    FaultKind("leakage, port plate", State.PUMP_DEGRADATION, (("laminar_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS),
+    FaultKind("leakage, slippers", State.PUMP_DEGRADATION, (("slipper_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS, growing=1.0),
+    FaultKind("leakage, port plate", State.PUMP_DEGRADATION, (("laminar_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS, growing=1.0),
     FaultKind(
         "leakage, mixed",
         State.PUMP_DEGRADATION,
@@ -117,20 +117,20 @@ def kind_scales() -> Array:
 
 
 _WALK: dict[str, float] = {
-    "ln_slipper": 0.001,
-    "ln_laminar": 0.001,
-    "throttled": 0.0003,
+    "ln_slipper": 0.0005,
+    "ln_laminar": 0.0005,
+    "throttled": 0.0002,
     "bleed": 0.0004,
-    "system_orifice": 0.004,
-    "system_laminar": 0.002,
+    "system_orifice": 0.002,
+    "system_laminar": 0.001,
     "setting": 0.01,
-    "softening": 0.001,
-    "ln_droop": 0.001,
-    "ln_drain": 0.001,
-    "drain_viscosity": 0.01,
-    "drain_flow": 0.01,
+    "softening": 0.0005,
+    "ln_droop": 0.0005,
+    "ln_drain": 0.0005,
+    "drain_viscosity": 0.0005,
+    "drain_flow": 0.0005,
     "case_warmth": 0.0002,
-    "ln_viscosity": 0.002,
+    "ln_viscosity": 0.001,
     "case_offset": 0.006,
     "reservoir": 0.0005,
     "ln_ripple": 0.001,
@@ -151,7 +151,7 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
     mean, sd = np.zeros(N_STATE), np.zeros(N_STATE)
     # the by-pass flow of table 2-1, and nobody knows through what
     mean[PLACE["system_orifice"]] = mean[PLACE["system_laminar"]] = 0.2
-    mean[PLACE["drain_viscosity"]] = mean[PLACE["drain_flow"]] = np.log(0.2 / 0.6)
+    mean[PLACE["drain_viscosity"]] = mean[PLACE["drain_flow"]] = 0.2
     mean[PLACE["once"]] = 0.03
     spread = {
         "ln_slipper": population["pump_leakage_scale"].value,
@@ -164,8 +164,8 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
         "softening": 0.3,
         "ln_droop": 0.7 * population["droop_scale"].value,
         "ln_drain": population["drain_resistance_scale"].value,
-        "drain_viscosity": population["drain_law_log_odds"].value,
-        "drain_flow": population["drain_law_log_odds"].value,
+        "drain_viscosity": population["drain_viscosity_weight"].value,
+        "drain_flow": population["drain_flow_weight"].value,
         "case_warmth": 0.01,
         "ln_viscosity": 0.04,
         "case_offset": population["case_zero_bar"].value,
