@@ -16,6 +16,7 @@ from detectors.filter_refit import fit_anew
 from detectors.filter_summary import ARRIVAL, RAMP, spawned
 from detectors.state_model import (
     FAULT_KINDS,
+    FREE_SETTING_WALK_BAR,
     MEASURED_RESERVOIR_SD_BAR,
     N_KINDS,
     UNMEASURED_RESERVOIR_WALK_BAR,
@@ -62,7 +63,13 @@ _CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
 DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
 """What each kind of fault moves per unit of amplitude, zeros for the healthy pump last, shape (N_KINDS + 1, N_COMPONENTS)."""
 _MOST_PASSES = 6
-_MOST_ONSETS = np.array([[_MOST_STEPS] * N_KINDS, [_MOST_RAMPS * (k.growing is not None) for k in FAULT_KINDS]])
+_MOST_ONSETS = np.array(
+    [
+        [_MOST_STEPS * (k.sudden is not None) for k in FAULT_KINDS],
+        [_MOST_RAMPS * (k.growing is not None) for k in FAULT_KINDS],
+    ]
+)
+_MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
 _IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
 _BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
 _BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
@@ -112,6 +119,8 @@ class Bank:
         How much of the state is alive: all, or N_SLOW as long as the history held no line.
     log_evidence
         Log of prior times product of predictive densities, shape (M,).
+    setting_at_onset
+        The setting when the fault set in, shape (M,).
     """
 
     pump: PumpType
@@ -121,6 +130,7 @@ class Bank:
     shape: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
     onset: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
     log_evidence: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
+    setting_at_onset: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
     alive: int = N_SLOW
     n: int = 1
     records: int = 0
@@ -203,7 +213,7 @@ class Bank:
         seen = np.zeros((len(taken), N_MEASURED), dtype=np.bool_)
         for place, (_, m) in enumerate(taken):
             seen[place, m.seen] = True
-        amplitude, rate = self._wander()
+        amplitude, rate, setting = self._wander()
         fit_anew(
             self.mean,
             self.covariance,
@@ -211,6 +221,7 @@ class Bank:
             self.shape,
             self.onset,
             self.log_evidence,
+            self.setting_at_onset,
             rows,
             self.base_mean,
             self.base_covariance,
@@ -222,6 +233,7 @@ class Bank:
             self._walk(),
             amplitude,
             rate,
+            setting,
             DIRECTIONS,
             np.array([m.anchor for _, m in taken]),
             np.array([m.ripple for _, m in taken]),
@@ -248,16 +260,16 @@ class Bank:
         walk[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
         return walk
 
-    def _wander(self) -> tuple[Array, Array]:
-        """Variance of each filter's amplitude and of its rate from record to record."""
+    def _wander(self) -> tuple[Array, Array, Array]:
+        """Variance of each filter's amplitude, of its rate and of a setting that moves beside it, per record."""
         kinds, shape = self.kind[: self.n], self.shape[: self.n]
         amplitude = (_AMPLITUDE_WALK[shape] * _SCALES[kinds]) ** 2
-        return amplitude, np.where(shape == RAMP, (_RATE_WALK * _SCALES[kinds] / RAMP_RECORDS) ** 2, 0.0)
+        rate = np.where(shape == RAMP, (_RATE_WALK * _SCALES[kinds] / RAMP_RECORDS) ** 2, 0.0)
+        return amplitude, rate, np.where(_MOVES_SETTING[kinds], FREE_SETTING_WALK_BAR**2, 0.0)
 
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
-        amplitude, rate = self._wander()
-        advance(self.mean, self.covariance, self.n, self._walk(), amplitude, rate)
+        advance(self.mean, self.covariance, self.n, self._walk(), *self._wander())
 
     def _take(self, measurement: Measurement, iterations: int) -> None:
         if measurement.seen[-1] > ZERO:
@@ -287,6 +299,7 @@ class Bank:
             self.shape,
             self.onset,
             self.log_evidence,
+            self.setting_at_onset,
             self.n,
             self.records,
             _SCALES[:-1],
@@ -319,7 +332,15 @@ class Bank:
     def _keep(self, rows: Integers) -> None:
         """Drop every filter but these, in their order."""
         n = len(rows)
-        for array in (self.mean, self.covariance, self.kind, self.shape, self.onset, self.log_evidence):
+        for array in (
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.shape,
+            self.onset,
+            self.log_evidence,
+            self.setting_at_onset,
+        ):
             array[:n] = array[rows]
         self.n = n
 

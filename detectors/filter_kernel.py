@@ -15,6 +15,7 @@ from detectors.components import (
     ONCE,
     RATE,
     RESERVOIR,
+    SETTING,
 )
 from detectors.reduced_twin import pressures
 from twin.compiled import compiled
@@ -299,12 +300,18 @@ def _whitened(L: Array, innovation: Array, white: Array, k: int) -> tuple[float,
 
 @compiled
 def advance(
-    mean: Array, covariance: Array, n_filters: int, walk: Array, amplitude_walk: Array, rate_walk: Array
+    mean: Array,
+    covariance: Array,
+    n_filters: int,
+    walk: Array,
+    amplitude_walk: Array,
+    rate_walk: Array,
+    setting_walk: Array,
 ) -> None:
     """From one record to the next, in place: amplitudes grow by their rate, every component wanders.
 
-    ``walk`` holds variances, shape (N,); ``amplitude_walk`` and ``rate_walk`` those of each filter's amplitude and of its
-    rate, shape (M,).
+    ``walk`` holds variances, shape (N,); ``amplitude_walk``, ``rate_walk`` and ``setting_walk`` those of each filter's
+    amplitude, of its rate, and of the setting on top of its own, shape (M,).
     """
     for f in range(n_filters):
         m, P = mean[f], covariance[f]
@@ -318,6 +325,7 @@ def advance(
             P[i, i] += walk[i]
         P[AMPLITUDE, AMPLITUDE] += amplitude_walk[f]
         P[RATE, RATE] += rate_walk[f]
+        P[SETTING, SETTING] += setting_walk[f]
 
 
 @compiled

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import AMPLITUDE, N_STATE, RATE
+from detectors.components import AMPLITUDE, N_STATE, RATE, SETTING
 from detectors.filter_kernel import advance, take, workspace
 from detectors.filter_summary import ARRIVAL, RAMP, STEP
 from twin.compiled import compiled
@@ -34,6 +34,7 @@ def fit_anew(
     shape: Integers,
     onset: Integers,
     log_evidence: Array,
+    setting_at_onset: Array,
     rows: Integers,
     base_mean: Array,
     base_variance: Array,
@@ -45,6 +46,7 @@ def fit_anew(
     walk: Array,
     amplitude_walk: Array,
     rate_walk: Array,
+    setting_walk: Array,
     directions: Array,
     anchors: Array,
     ripples: Array,
@@ -59,15 +61,15 @@ def fit_anew(
 
     Parameters
     ----------
-    mean, covariance, kind, shape, onset, log_evidence
+    mean, covariance, kind, shape, onset, log_evidence, setting_at_onset
         The bank; evidence is counted anew from ``log_prior``,
         shape (3, n_kinds): steps, ramps, arrivals; the healthy pump's is 0.
     base_mean, base_variance, base_records
         Where the history begins: state (N,), covariance (N, N), number of records before it.
     scales, ramp_records, arrival
         Spread of steps by kind, records of a ramp, mean and spread of an arrival's amplitude.
-    walk, amplitude_walk, rate_walk
-        As in ``filter_kernel.advance``; the last two by filter.
+    walk, amplitude_walk, rate_walk, setting_walk
+        As in ``filter_kernel.advance``; all but the first by filter.
     anchors, ripples, values, noises, seen, record
         Measurements in order, first axis M, and the record that each belongs to.
     alive
@@ -115,6 +117,8 @@ def fit_anew(
                     walk,
                     amplitude_walk[f : f + 1],
                     rate_walk[f : f + 1],
+                    setting_walk[f : f + 1],
+                    setting_at_onset[f : f + 1],
                     directions[k],
                     anchors,
                     ripples,
@@ -155,6 +159,8 @@ def _through(
     walk: Array,
     amplitude_walk: Array,
     rate_walk: Array,
+    setting_walk: Array,
+    setting_at_onset: Array,
     direction: Array,
     anchors: Array,
     ripples: Array,
@@ -182,19 +188,20 @@ def _through(
         begun = True
     total, at = 0.0, base_records - 1
     along, grows = 0.0, 0.0
-    nowhere = np.empty(0)
+    nowhere, wander = np.empty(0), np.empty(N_STATE)
     for place in range(len(record)):
         i = len(record) - 1 - place if backwards else place
         if record[i] != at:
             at = record[i]
             if not begun and at >= onset:
                 begun = True
+                setting_at_onset[0] = m[0, SETTING]
                 begins = AMPLITUDE if shape == STEP else RATE
                 P[0, begins, begins] = spread**2
             if begun:
-                advance(m, P, 1, walk, amplitude_walk, rate_walk)
+                advance(m, P, 1, walk, amplitude_walk, rate_walk, setting_walk)
             else:
-                advance(m, P, 1, walk, still, still)
+                advance(m, P, 1, walk, still, still, still)
             if begun and kind >= 0:
                 along = amplitude
                 if shape == RAMP:
@@ -207,6 +214,8 @@ def _through(
                 n_seen += 1
         for j in range(N_STATE):
             point[j] = about[j]
+            wander[j] = (last - at) * walk[j]
+        wander[SETTING] += (last - max(at, onset)) * setting_walk[0]
         point[AMPLITUDE], point[RATE] = along, grows
         total += take(
             m[0],
@@ -221,7 +230,7 @@ def _through(
             alive,
             1,
             point,
-            nowhere if backwards else (last - at) * walk,
+            nowhere if backwards else wander,
             wide,
             small,
         )

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import AMPLITUDE, RATE
+from detectors.components import AMPLITUDE, RATE, SETTING
 from twin.compiled import compiled
 
 Array = NDArray[np.float64]
@@ -31,24 +31,32 @@ def summed(
     shape: Integers,
     onset: Integers,
     log_evidence: Array,
+    setting_at_onset: Array,
     records: int,
     signs: Integers,
     floors: Array,
     states: Integers,
+    beside: Integers,
+    setting: Array,
+    scales: Array,
     groups: Integers,
     weights: Array,
     all_sums: Array,
     changed: Array,
+    together: Array,
     moments: Array,
 ) -> float:
     """Sum the filters, in place; returns the share of pumps that came worn.
 
     Parameters
     ----------
-    mean, covariance, kind, shape, onset, log_evidence
+    mean, covariance, kind, shape, onset, log_evidence, setting_at_onset
         The bank's filters, first axis m.
     records
         Number of records seen.
+    beside, setting, scales
+        By kind, the healthy pump last: number of the state of the second fault (-1: none); scale, floor and quantity
+        of a moved setting; scales of the kinds. The larger fault, each by its scale, is the first.
     signs, floors, states, groups
         By kind of fault, the healthy pump (-1) last: sign, smallest size worth a word (arrivals: the entry after the
         healthy pump's), number of the state, number of the quantity (-1: none).
@@ -57,6 +65,8 @@ def summed(
     all_sums, changed
         Receive the shares by state, the healthy pump last, shape (n_states + 1,): of all, and of what changed since the
         first record (an arrival counts as healthy there).
+    together
+        Receives the shares of two faults by state of the first and of the second, shape (n_states, n_states).
     moments
         Receives by quantity: share, first and second moment of the amplitude, and how well a sudden fault of the first
         such kind is known since its oldest onset (0: no onset has seen two records), shape (n_quantities, 4).
@@ -73,7 +83,7 @@ def summed(
     for f in range(m):
         weights[f] = math.exp(weights[f] - most)
         total += weights[f]
-    all_sums[:], changed[:], moments[:, :] = 0.0, 0.0, 0.0
+    all_sums[:], changed[:], moments[:, :], together[:, :] = 0.0, 0.0, 0.0, 0.0
     healthy = len(all_sums) - 1
     arrived = 0.0
     n_groups = len(moments)
@@ -87,6 +97,17 @@ def summed(
         w, k, amplitude = weights[f], kind[f], mean[f, AMPLITUDE]
         floor = floors[k] if shape[f] != ARRIVAL else floors[len(floors) - 1]
         place = states[k] if abs(amplitude) >= floor and k >= 0 else healthy
+        if k >= 0 and beside[k] >= 0 and place != healthy:
+            moved = abs(mean[f, SETTING] - setting_at_onset[f])
+            if moved >= setting[1]:
+                second = beside[k]
+                if moved / setting[0] > abs(amplitude) / scales[k]:
+                    place, second = second, place
+                together[place, second] += w
+                g, change = int(setting[2]), mean[f, SETTING] - setting_at_onset[f]
+                moments[g, 0] += w
+                moments[g, 1] += w * change
+                moments[g, 2] += w * (covariance[f, SETTING, SETTING] + change * change)
         all_sums[place] += w
         if shape[f] == ARRIVAL:
             changed[healthy] += w
@@ -115,6 +136,7 @@ def spawned(
     shape: Integers,
     onset: Integers,
     log_evidence: Array,
+    setting_at_onset: Array,
     n: int,
     records: int,
     scales: Array,
@@ -146,5 +168,6 @@ def spawned(
             else:
                 covariance[place, RATE, RATE] = (scales[k] / ramp_records) ** 2
             kind[place], shape[place], onset[place] = k, form, records
+            setting_at_onset[place] = mean[0, SETTING]
             log_evidence[place] = log_evidence[0] + log_priors[form, k]
     return n

@@ -29,6 +29,7 @@ class FaultKind:
     not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does
     not heal), 0 when both directions occur. ``sensor`` names the channel of a sensor fault. ``sudden`` and ``growing``
     are how much likelier than others it sets in at once or grows [nat]; None: never.
+    ``beside`` names a second fault that comes with it: from the onset on the setting goes where it likes.
     """
 
     name: str
@@ -38,8 +39,9 @@ class FaultKind:
     floor: float
     sign: int
     sensor: str | None = None
-    sudden: float = 0.0
+    sudden: float | None = 0.0
     growing: float | None = 0.0
+    beside: State | None = None
 
     @property
     def component(self) -> str:
@@ -49,9 +51,22 @@ class FaultKind:
 
 _WEARS = -1.6
 """Wear grows: one leak in five sets in at once, and pure orifices are rare among them (estimates) [nat]."""
+_TWO = -4.0
+"""Two faults that set in together, against one (estimate) [nat]."""
 FAULT_KINDS: tuple[FaultKind, ...] = (
-    FaultKind("leakage, slippers", State.PUMP_DEGRADATION, (("slipper_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS, growing=1.0),
-    FaultKind("leakage, port plate", State.PUMP_DEGRADATION, (("laminar_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS, growing=1.0),
+    FaultKind(
+        "leakage, slippers", State.PUMP_DEGRADATION, (("slipper_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS, growing=1.0
+    ),
+    FaultKind(
+        "leakage, port plate",
+        State.PUMP_DEGRADATION,
+        (("laminar_extra", 1.0),),
+        0.4,
+        0.05,
+        1,
+        sudden=_WEARS,
+        growing=1.0,
+    ),
     FaultKind(
         "leakage, mixed",
         State.PUMP_DEGRADATION,
@@ -87,6 +102,28 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     FaultKind("drain restriction", State.DRAIN_RESTRICTION, (("ln_drain", 1.0),), 0.3, 0.06, 1),
     FaultKind("case sensor", State.SENSOR_FAULT, (("case_offset", 1.0),), 0.15, 0.06, 0, "case_pressure_bar"),
     FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.06, 0.0, 0, sudden=2.3, growing=None),
+    FaultKind(
+        "drain restriction, setting moves",
+        State.DRAIN_RESTRICTION,
+        (("ln_drain", 1.0),),
+        0.3,
+        0.06,
+        1,
+        sudden=None,
+        growing=_TWO,
+        beside=State.COMPENSATOR_FAULT,
+    ),
+    FaultKind(
+        "leakage, setting moves",
+        State.PUMP_DEGRADATION,
+        (("slipper_extra", 1.0),),
+        0.4,
+        0.05,
+        1,
+        sudden=None,
+        growing=_TWO,
+        beside=State.COMPENSATOR_FAULT,
+    ),
     FaultKind("reservoir sensor", State.SENSOR_FAULT, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar"),
 )
 """Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show. Settings drift more often than
@@ -98,8 +135,8 @@ LOG_HAZARD = float(np.log(1.0e-3))
 
 def log_hazards() -> Array:
     """Prior of each kind setting in at once (first row) or beginning to grow, shape (2, N_KINDS); -inf: never."""
-    growing = [-np.inf if k.growing is None else k.growing for k in FAULT_KINDS]
-    return LOG_HAZARD + np.array([[k.sudden for k in FAULT_KINDS], growing])
+    shapes = ([k.sudden for k in FAULT_KINDS], [k.growing for k in FAULT_KINDS])
+    return LOG_HAZARD + np.array([[-np.inf if h is None else h for h in likelier] for likelier in shapes])
 
 
 def directions() -> Array:
@@ -140,6 +177,8 @@ _WALK: dict[str, float] = {
 """One-sigma change of each component from record to record of a healthy pump (estimates, held against the studies of
 ``benchmarks/results``; the zero's: 0.06 bar over some hundred flights)."""
 
+FREE_SETTING_WALK_BAR = 0.05
+"""Change of the setting from record to record where it moves beside another fault (estimate: 3 bar in 60 to 300 records)."""
 UNMEASURED_RESERVOIR_WALK_BAR = 0.2
 """Change of the reservoir pressure from flight to flight where no sensor tells (estimate)."""
 MEASURED_RESERVOIR_SD_BAR = 0.01
