@@ -97,14 +97,18 @@ def summed(
         w, k, amplitude = weights[f], kind[f], mean[f, AMPLITUDE]
         floor = floors[k] if shape[f] != ARRIVAL else floors[len(floors) - 1]
         place = states[k] if abs(amplitude) >= floor and k >= 0 else healthy
-        if k >= 0 and beside[k] >= 0 and place != healthy:
-            moved = abs(mean[f, SETTING] - setting_at_onset[f])
-            if moved >= setting[1]:
-                second = beside[k]
-                if moved / setting[0] > abs(amplitude) / scales[k]:
-                    place, second = second, place
-                together[place, second] += w
-                g, change = int(setting[2]), mean[f, SETTING] - setting_at_onset[f]
+        if k >= 0 and beside[k] >= 0:
+            change = mean[f, SETTING] - setting_at_onset[f]
+            if abs(change) >= setting[1]:
+                first, second = place, beside[k]
+                if abs(change) / setting[0] > abs(amplitude) / scales[k]:
+                    first, second = second, place
+                if place == healthy:
+                    first = beside[k]
+                else:
+                    together[first, second] += w
+                place = first
+                g = int(setting[2])
                 moments[g, 0] += w
                 moments[g, 1] += w * change
                 moments[g, 2] += w * (covariance[f, SETTING, SETTING] + change * change)
