@@ -66,6 +66,22 @@ class Stepping:
 
 
 @dataclass(frozen=True, slots=True)
+class ComingAndGoing:
+    """There with its full ``amount`` for ``on`` flights from ``onset`` on, gone for ``off``, there again."""
+
+    kinds: tuple[str, ...]
+    amount: float
+    on: int = 25
+    off: int = 15
+    onset: int = 40
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        since = np.arange(n_flights) - self.onset
+        size = self.amount * ((since >= 0) & (since % (self.on + self.off) < self.on))
+        return (Course(self.kinds[chunk % len(self.kinds)], np.tile(size, (n_pumps, 1))),)
+
+
+@dataclass(frozen=True, slots=True)
 class SideBySide:
     """Faults at the same time; the first one is the larger."""
 
@@ -94,6 +110,9 @@ class Row:
         Pumps arrive with a case flow at the reference above 2.2 L/min.
     by_records
         Sized by healthy records in each reality instead of by pumps: false alarms are counted per record.
+    moved_at
+        Flight from which the pump sits in another aircraft, with that one's drain, sensors and climate; changes count
+        from there anew.
     """
 
     name: str
@@ -104,6 +123,7 @@ class Row:
     sensing: Sensing = field(default_factory=Sensing)
     worn: bool = False
     by_records: bool = False
+    moved_at: int | None = None
 
     @property
     def onset(self) -> int | None:
@@ -120,6 +140,9 @@ class Row:
 
 HEALTHY = "healthy"
 _CASE_ZERO = Sensing(case_zero_step=0.06, step_at=40)
+_AFTER_MOVE = Growing(LEAKS, 0.6, flights=115, onset=80)
+_INTERMITTENT = ComingAndGoing(("system",), 3.0)
+"""Four spells of 25 flights with 15 between them; the last one stands at the end."""
 PLAIN_ROWS: tuple[Row, ...] = (
     Row(HEALTHY, State.HEALTHY, 250, by_records=True),
     Row("pump leakage 0.6 L/min", State.PUMP_DEGRADATION, 200, Growing(LEAKS, 0.6), "L/min"),
@@ -146,6 +169,9 @@ PLAIN_ROWS: tuple[Row, ...] = (
         Sensing(reservoir_measured=False),
     ),
     Row("reservoir not measured", State.HEALTHY, 120, sensing=Sensing(reservoir_measured=False)),
+    Row("pump exchanged", State.HEALTHY, 200, moved_at=100),
+    Row("pump leakage 0.6 L/min, exchanged", State.PUMP_DEGRADATION, 200, _AFTER_MOVE, "L/min", moved_at=60),
+    Row("system leakage 3 L/min, comes and goes", State.SYSTEM_LEAKAGE, 185, _INTERMITTENT, "L/min"),
     Row("worn on arrival", State.PUMP_DEGRADATION, 30, worn=True),
     Row(
         "two faults: pump 0.6, system 1 L/min",

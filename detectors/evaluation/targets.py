@@ -22,7 +22,9 @@ from detectors.evaluation.scoring import (
 from detectors.evaluation.summary import (
     ALL_REALITIES,
     CONFIDENCE_ERROR,
+    CONFIDENCE_ERROR_FROM_ONSET,
     EACH_ERROR,
+    EACH_ERROR_FROM_ONSET,
     POOLED,
     Pooled,
     RowResult,
@@ -100,6 +102,11 @@ def _most(row: str, quantity: str, plain: float, burst: float | None = None, not
 _LEAK, _SYSTEM, _DRAIN, _WORN = "pump leakage 0.6 L/min", "system leakage 3 L/min", "drain +30 %", "worn on arrival"
 _UNEVEN, _EDGE = "uneven wear", "edge radius x10"
 _REST = "what is not `pump` is `indeterminate` with pump among the candidates, but for the share allowed to `system`"
+_CALIBRATED = (
+    "a fault is true where it exceeds its floor; rows in the judge's own prior proportion of faults, every judged record, "
+    "bins of equal mass"
+)
+_FROM_ONSET = "older reading: a fault is true from its onset on, seen or not; every row with the same weight"
 TARGETS: tuple[Target, ...] = (
     *(Target(HEALTHY, burst, FALSE_ALARMS, high=1.0, scope=Scope.EACH) for burst in (False, True)),
     *_most(_LEAK, SIZE_MEDIAN, 0.12, 0.10),
@@ -136,8 +143,10 @@ TARGETS: tuple[Target, ...] = (
     *_most(HEALTHY, PUMP_WITHIN_20, 0.005, note="healthy pumps taken for worn on arrival"),
     *_least("two faults: pump 0.6, system 1 L/min", RIGHT_SIDE_OR_OPEN, 0.92, 0.95),
     *_least("two faults: setting 3 bar, drain +30 %", RIGHT_SIDE_OR_OPEN, 0.92, 0.95),
-    Target(POOLED, False, CONFIDENCE_ERROR, high=0.05, note="of the largest probability"),
-    Target(POOLED, False, EACH_ERROR, high=0.05, note="of all six probabilities, one by one"),
+    Target(POOLED, False, CONFIDENCE_ERROR, high=0.05, note="of the largest probability; " + _CALIBRATED),
+    Target(POOLED, False, EACH_ERROR, high=0.05, note="of all six probabilities, one by one; " + _CALIBRATED),
+    Target(POOLED, False, CONFIDENCE_ERROR_FROM_ONSET, high=0.05, note=_FROM_ONSET),
+    Target(POOLED, False, EACH_ERROR_FROM_ONSET, high=0.05, note=_FROM_ONSET),
     *(Target(POOLED, False, name, low=0.85, high=0.95) for name in COVERED.values()),
 )
 

@@ -54,6 +54,7 @@ def outcome(
     healthy: float = 0.5,
     onset: int = 2,
     growth: float = 0.1,
+    floor: float = 0.1,
 ) -> Outcome:
     """What the judge said, by hand: record k is flight k; the fault grows by ``growth`` a flight from ``onset``."""
     longest = max(map(len, states))
@@ -66,7 +67,10 @@ def outcome(
             bits[i, j] = sum(1 << FAULTS.index(c) for c in candidates) if s is I else 0
             probabilities[i, j] = [healthy, *([(1.0 - healthy) / 5] * 5)]
     estimates = np.full((*shape, len(ESTIMATES), 3), np.nan)
-    return Outcome(flight, state, bits, probabilities, estimates, size, size.copy(), 1.0 + size)
+    nothing = np.full(shape, np.nan)
+    return Outcome(
+        flight, state, bits, probabilities, estimates, size, size.copy(), 1.0 + size, size >= floor - 1e-9, nothing
+    )
 
 
 def row(truth: State = P, onset: int = 2, **more: object) -> Row:
@@ -253,18 +257,19 @@ def test_coverage_asks_every_judged_record_that_has_an_interval() -> None:
 def test_calibration_of_known_shares() -> None:
     # 0.8 for healthy, and healthy they are: the confidence is 0.2 too low, each of six off by (0.2 + 5 * 0.04) / 6
     found = calibration(seen(row(H), outcome([[N, H, H, H]], healthy=0.8, onset=99)))
-    assert calibration_error([found.confidence], 1).value == pytest.approx(0.2)
-    assert calibration_error([found.each], 1).value == pytest.approx(0.4 / 6)
+    for one, six in ((found.confidence, found.each), (found.confidence_from_onset, found.each_from_onset)):
+        assert calibration_error([one], 1).value == pytest.approx(0.2)
+        assert calibration_error([six], 1).value == pytest.approx(0.4 / 6)
     # the same words over a faulty pump: right in no case
     wrong = calibration(seen(row(onset=1), outcome([[N, H, H, H]], healthy=0.8, onset=1)))
-    assert calibration_error([wrong.confidence], 1).value == pytest.approx(0.8)
+    assert calibration_error([wrong.confidence_from_onset], 1).value == pytest.approx(0.8)
     # nobody was in alarm, so nothing was stated there; a row of silence has no weight
     assert math.isnan(calibration_error([found.alarmed], 1).value)
     loud = calibration(seen(row(onset=1), outcome([[N, P, H, P]], healthy=0.8, onset=1)))
     assert loud.alarmed.counted.sum() == 2
     assert calibration_error([found.alarmed, loud.alarmed], 1).value == pytest.approx(0.8)
     # both rows with the same weight: 0.8 stated, half of it happened
-    assert calibration_error([found.confidence, wrong.confidence], 1).value == pytest.approx(0.3)
+    assert calibration_error([found.confidence_from_onset, wrong.confidence_from_onset], 1).value == pytest.approx(0.3)
 
 
 def test_calibrated_probabilities_have_a_small_error_and_an_interval() -> None:
