@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.scoring import Seen, Truths
+from detectors.evaluation.study import NAMES
 from detectors.scores import Score
-from detectors.verdict import FAULTS, State
+from detectors.verdict import State
 
 Array = NDArray[np.float64]
 N_BINS = 10
-NAMES: tuple[State, ...] = (State.HEALTHY, *FAULTS)
 N_FINE = 240
 _WIDEST_LOG_ODDS = 12.0
 """Fine bins are equally wide in log odds between these ends; bins of equal mass are put together from them."""

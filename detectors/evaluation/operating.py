@@ -149,7 +149,7 @@ def _at_wanted_rate(false_alarms: Array, records: NDArray[np.int64], delay: Arra
 
     n, m = false_alarms.shape[1], delay.shape[1]
     value = at(np.arange(n, dtype=np.int64), np.arange(m, dtype=np.int64))
-    draws = [at(rng.integers(0, n, n), rng.integers(0, m, m)) for _ in range(_N_DRAWS)]
+    draws = [at(rng.integers(0, n, (n,)), rng.integers(0, m, (m,))) for _ in range(_N_DRAWS)]
     kept = np.array([d for d in draws if d is not None])
     if value is None or not len(kept):
         return {}

@@ -17,6 +17,7 @@ from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
 
+HOURS_PER_FLIGHT = 2.0
 START = datetime(2026, 1, 5, 8, 0, tzinfo=UTC)
 
 
@@ -101,7 +102,7 @@ def histories(
                     reduction=Reduction(
                         found, (window,), None, spectrum=None if lines is None else _spectrum(lines, i, int(j), pump)
                     ),
-                    flight_hours=2.0 * int(j),
+                    flight_hours=HOURS_PER_FLIGHT * int(j),
                 )
             )
         result.append(History(tuple(observations)))

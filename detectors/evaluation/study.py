@@ -17,6 +17,8 @@ from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
 STATES: tuple[State, ...] = tuple(State)
+NAMES: tuple[State, ...] = (State.HEALTHY, *FAULTS)
+"""What probabilities are stated of, in their order."""
 _STATE_NUMBER = {s: i for i, s in enumerate(STATES)}
 _ROUND = 8
 """A whole round of the kinds that take turns over chunks: shares stay right for any number of pumps."""
@@ -57,6 +59,14 @@ class Outcome:
     information: Array
     """What the record adds to tell the fault from health, after what is unknown is projected out [nat]; NaN where the
     world is not the judge's own."""
+    forecast: Array
+    """Remaining flight hours: mean and ends of the 80 % interval, shape (n_pumps, n_records, 3); NaN where none was asked
+    or given."""
+
+
+def state_number(state: State) -> int:
+    """Index into ``STATES``."""
+    return _STATE_NUMBER[state]
 
 
 def chunks(n_pumps: int) -> list[tuple[int, int]]:
@@ -114,15 +124,16 @@ def blank(n_pumps: int, longest: int) -> Outcome:
         case_flow=np.full((n_pumps, longest), np.nan),
         faulty=np.zeros((n_pumps, longest), dtype=np.bool_),
         information=np.full((n_pumps, longest), np.nan),
+        forecast=np.full((n_pumps, longest, 3), np.nan),
     )
 
 
 def _write(outcome: Outcome, i: int, j: int, assessment: Assessment) -> None:
     verdict = assessment.verdict
     outcome.flight[i, j] = int(assessment.record_id)
-    outcome.state[i, j] = _STATE_NUMBER[verdict.state]
+    outcome.state[i, j] = state_number(verdict.state)
     outcome.candidates[i, j] = sum(1 << FAULTS.index(c) for c in verdict.candidates)
-    outcome.probabilities[i, j] = [verdict.probabilities[s] for s in (State.HEALTHY, *FAULTS)]
+    outcome.probabilities[i, j] = [verdict.probabilities[s] for s in NAMES]
     for k, name in enumerate(ESTIMATES):
         e = verdict.estimates.get(name)
         if e is not None:

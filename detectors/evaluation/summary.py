@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.calibration import Calibration, calibration, calibration_error
+from detectors.evaluation.delays import delay_scores
+from detectors.evaluation.lives import life_scores
 from detectors.evaluation.operating import OperatingCurve, operating_curve
 from detectors.evaluation.prevalence import prior_weights
 from detectors.evaluation.reality import Reality
@@ -113,11 +115,15 @@ def row_result(row: Row, outcomes: Mapping[Reality, Outcome], healthy: Seen | No
     whole = found[ALL_REALITIES]
     scopes = {name: ScopeScores(len(s.last), int(s.judged.sum()), scores(s, seed)) for name, s in found.items()}
     everything = dict(scopes[ALL_REALITIES].scores)
-    table = calibration(whole) if row.is_single else None
+    if row.to_limit:
+        everything |= life_scores(whole, effective({})["case_flow_limit_lpm"], seed)
+    if row.in_class:
+        everything |= delay_scores(whole, seed)
+    table = calibration(whole) if row.is_single and not row.in_class else None
     if table is not None:
         everything |= _errors([table], seed, None)
     curve, operating = None, None
-    if healthy is not None and row.onset is not None:
+    if healthy is not None and row.onset is not None and not row.in_class:
         sound, faulty = (suspicion(s, row.onset, row.n_flights) for s in (healthy, whole))
         if len(sound) and len(faulty):
             curve = roc(sound, faulty)
@@ -177,7 +183,7 @@ def side_confusion(results: Sequence[RowResult], *, burst: bool) -> dict[Side, d
     """Pumps by the side of the truth and the side of their last verdict, over the rows with one right answer."""
     table: dict[Side, dict[Side, int]] = {}
     for result in results:
-        if result.row.is_single and result.row.sensing.burst is burst:
+        if result.row.is_single and not result.row.in_class and result.row.sensing.burst is burst:
             line = table.setdefault(SIDE_OF[result.row.truth], dict.fromkeys(Side, 0))
             for side, n in result.confusion.items():
                 line[side] += n

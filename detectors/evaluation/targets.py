@@ -5,7 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from detectors.evaluation.rows import BURST, HEALTHY
+from detectors.evaluation.delays import ALARM, CHART, excess
+from detectors.evaluation.lives import covered_at, near_at
+from detectors.evaluation.rows import BURST, HEALTHY, LIFE, SMALL_STEP, SMALL_STEP_KINDS
 from detectors.evaluation.scoring import (
     ACCUSED,
     COVERED,
@@ -78,8 +80,6 @@ UNEVEN_AT_50_LPM = 0.013
 """What three of nine pistons with 50 % more clearance add at the reference: (1.5^3 - 1) / 3 of the pistons' leakage."""
 NOT_SIMULATED: tuple[str, ...] = (
     "jamming: it shows in load steps and limit cycles, which a zero-flow window does not hold",
-    "small steps inside the model class against log ARL / KL: a test of the charts, not of a fleet",
-    "forecast to the limit: scored apart, where the life is run to its end",
     "real rig: its own benchmark",
 )
 """Targets that this study does not ask, and why."""
@@ -107,6 +107,13 @@ _CALIBRATED = (
     "bins of equal mass"
 )
 _FROM_ONSET = "older reading: a fault is true from its onset on, seen or not; every row with the same weight"
+_FADES = (
+    "steps not found count up to the end of the row; what is unknown wanders, so that a step fades: see beside it what a "
+    "detector reaches that knows size and course"
+)
+_FROM_INSTALLATION = (
+    "life from the installation to the first flight at the limit; no forecast is a miss of alpha-lambda"
+)
 TARGETS: tuple[Target, ...] = (
     *(Target(HEALTHY, burst, FALSE_ALARMS, high=1.0, scope=Scope.EACH) for burst in (False, True)),
     *_most(_LEAK, SIZE_MEDIAN, 0.12, 0.10),
@@ -143,6 +150,14 @@ TARGETS: tuple[Target, ...] = (
     *_most(HEALTHY, PUMP_WITHIN_20, 0.005, note="healthy pumps taken for worn on arrival"),
     *_least("two faults: pump 0.6, system 1 L/min", RIGHT_SIDE_OR_OPEN, 0.92, 0.95),
     *_least("two faults: setting 3 bar, drain +30 %", RIGHT_SIDE_OR_OPEN, 0.92, 0.95),
+    *(
+        Target(SMALL_STEP + kind, burst, excess(of), high=1.5, note=_FADES)
+        for kind in SMALL_STEP_KINDS
+        for burst in (False, True)
+        for of in (CHART, ALARM)
+    ),
+    *_pair(LIFE, covered_at(0.5), (0.75, 0.90), (0.75, 0.90), _FROM_INSTALLATION),
+    *_least(LIFE, near_at(0.5), 0.70, note=_FROM_INSTALLATION),
     Target(POOLED, False, CONFIDENCE_ERROR, high=0.05, note="of the largest probability; " + _CALIBRATED),
     Target(POOLED, False, EACH_ERROR, high=0.05, note="of all six probabilities, one by one; " + _CALIBRATED),
     Target(POOLED, False, CONFIDENCE_ERROR_FROM_ONSET, high=0.05, note=_FROM_ONSET),

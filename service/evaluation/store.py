@@ -58,7 +58,7 @@ def _sources() -> str:
     """Hash of the judge's and the simulator's sources with the fitted numbers that they read."""
     digest = hashlib.sha256(f"{MODEL_NUMBER}".encode())
     # named after every file of this project that the study imports, directly or not
-    digest.update(cache_folder("detectors.evaluation.study").name.encode())
+    digest.update(cache_folder("detectors.evaluation.small_steps").name.encode())
     for file in sorted(files("twin.pumps").iterdir(), key=lambda f: f.name):
         if file.name.endswith(".json"):
             digest.update(file.name.encode() + file.read_bytes())

@@ -69,7 +69,17 @@ def outcome(
     estimates = np.full((*shape, len(ESTIMATES), 3), np.nan)
     nothing = np.full(shape, np.nan)
     return Outcome(
-        flight, state, bits, probabilities, estimates, size, size.copy(), 1.0 + size, size >= floor - 1e-9, nothing
+        flight,
+        state,
+        bits,
+        probabilities,
+        estimates,
+        size,
+        size.copy(),
+        1.0 + size,
+        size >= floor - 1e-9,
+        nothing,
+        np.full((*shape, 3), np.nan),
     )
 
 
