@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from detectors.evaluation.scoring import Seen, Truths
-from detectors.scores import Score, detection_delay, episodes, proportion, time_between_false_alarms
+from detectors.scores import Score, detection_delay, proportion, time_between_false_alarms
 
 Array = NDArray[np.float64]
 
@@ -40,15 +40,30 @@ class OperatingCurve:
     delay: tuple[Score, ...]
 
 
-def alarmed_at(log_odds: Array, on: float, off: float, n_records: int) -> Truths:
-    """Whether an alarm stands, (n_pumps, n_records); log odds that are not a number are no evidence of anything."""
-    raised = np.zeros(len(log_odds), dtype=np.bool_)
-    above = np.zeros(len(log_odds), dtype=np.int64)
-    result = np.zeros(log_odds.shape, dtype=np.bool_)
+def alarmed_at(log_odds: Array, on: ArrayLike, off: ArrayLike, n_records: int) -> Truths:
+    """Whether an alarm stands at each threshold; log odds that are not a number are no evidence of anything.
+
+    Parameters
+    ----------
+    log_odds
+        Shape (n_pumps, n_records) [nat].
+    on, off
+        Levels that raise and end an alarm, shapes (n_levels,) [nat].
+    n_records
+        In a row above ``on`` before an alarm is raised.
+
+    Returns
+    -------
+    ndarray of bool
+        Shape (n_levels, n_pumps, n_records).
+    """
+    upper, lower = (np.asarray(level, dtype=np.float64)[:, None] for level in (on, off))
+    result = np.zeros((len(upper), *log_odds.shape), dtype=np.bool_)
+    raised, above = result[..., 0].copy(), np.zeros(result.shape[:2], dtype=np.int64)
     for j, value in enumerate(log_odds.T):
-        above = np.where(value > on, above + 1, 0)
-        raised = (above >= n_records) | (raised & (value >= off))
-        result[:, j] = raised
+        above = np.where(value > upper, above + 1, 0)
+        raised = (above >= n_records) | (raised & (value >= lower))
+        result[..., j] = raised
     return result
 
 
@@ -85,13 +100,13 @@ def operating_curve(
     below = thresholds["alarm_on_log_odds"] - thresholds["alarm_off_log_odds"]
     sound, sick = log_odds(healthy), log_odds(faulty)
     records = healthy.judged.sum(axis=1)
-    counts, delays = [], []
-    for on in THRESHOLDS:
-        quiet = alarmed_at(sound, on, on - below, n_records)
-        counts.append([len(episodes(line)) for line in quiet])
-        loud = alarmed_at(sick, on, on - below, n_records)
-        delays.append([_delay(faulty, i, line) for i, line in enumerate(loud)])
-    false_alarms, delay = np.array(counts, dtype=np.float64), np.array(delays)
+    levels = np.array(THRESHOLDS)
+    quiet = alarmed_at(sound, levels, levels - below, n_records)
+    began = quiet.copy()
+    began[..., 1:] &= ~quiet[..., :-1]
+    false_alarms = began.sum(axis=2).astype(np.float64)
+    loud = alarmed_at(sick, levels, levels - below, n_records)
+    delay = np.array([[_delay(faulty, i, line) for i, line in enumerate(lines)] for lines in loud])
     curve = OperatingCurve(
         THRESHOLDS,
         tuple(_rate(int(n.sum()), int(records.sum())) for n in false_alarms),

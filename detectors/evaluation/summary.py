@@ -115,8 +115,8 @@ def row_result(row: Row, outcomes: Mapping[Reality, Outcome], healthy: Seen | No
     whole = found[ALL_REALITIES]
     scopes = {name: ScopeScores(len(s.last), int(s.judged.sum()), scores(s, seed)) for name, s in found.items()}
     everything = dict(scopes[ALL_REALITIES].scores)
-    if row.to_limit:
-        everything |= life_scores(whole, effective({})["case_flow_limit_lpm"], seed)
+    if row.limit is not None:
+        everything |= life_scores(whole, row.limit, seed)
     if row.in_class:
         everything |= delay_scores(whole, seed)
     table = calibration(whole) if row.is_single and not row.in_class else None

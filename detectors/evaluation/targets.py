@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from detectors.evaluation.delays import ALARM, CHART, excess
 from detectors.evaluation.lives import covered_at, near_at
-from detectors.evaluation.rows import BURST, HEALTHY, LIFE, SMALL_STEP, SMALL_STEP_KINDS
+from detectors.evaluation.rows import BURST, HEALTHY, LIFE, LONG_LIFE, SMALL_STEP, SMALL_STEP_KINDS
 from detectors.evaluation.scoring import (
     ACCUSED,
     COVERED,
@@ -156,8 +156,14 @@ TARGETS: tuple[Target, ...] = (
         for burst in (False, True)
         for of in (CHART, ALARM)
     ),
-    *_pair(LIFE, covered_at(0.5), (0.75, 0.90), (0.75, 0.90), _FROM_INSTALLATION),
-    *_least(LIFE, near_at(0.5), 0.70, note=_FROM_INSTALLATION),
+    *(
+        target
+        for life in (LIFE, LONG_LIFE)
+        for target in (
+            *_pair(life, covered_at(0.5), (0.75, 0.90), (0.75, 0.90), _FROM_INSTALLATION),
+            *_least(life, near_at(0.5), 0.70, note=_FROM_INSTALLATION),
+        )
+    ),
     Target(POOLED, False, CONFIDENCE_ERROR, high=0.05, note="of the largest probability; " + _CALIBRATED),
     Target(POOLED, False, EACH_ERROR, high=0.05, note="of all six probabilities, one by one; " + _CALIBRATED),
     Target(POOLED, False, CONFIDENCE_ERROR_FROM_ONSET, high=0.05, note=_FROM_ONSET),

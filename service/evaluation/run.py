@@ -103,8 +103,8 @@ def _work(chunk: Chunk, folder: Path) -> None:
     kind, circuit = pump_type(chunk.pump_type), circuit_parameters(chunk.circuit)
     judge = judged_in_class if chunk.row.in_class else judged
     outcome = judge(chunk.row, chunk.reality, kind, circuit, effective({}), chunk.seed, chunk.number, chunk.n_pumps)
-    if chunk.row.to_limit:
-        outcome = with_forecasts(outcome, effective({})["case_flow_limit_lpm"])
+    if chunk.row.limit is not None:
+        outcome = with_forecasts(outcome, chunk.row.limit)
     store.keep(folder, chunk, outcome)
 
 

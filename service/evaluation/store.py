@@ -22,7 +22,8 @@ _NAMES = tuple(f.name for f in fields(Outcome))
 
 def key(chunk: Chunk) -> str:
     """Name of a chunk's result; another row, reality, seed, twin, threshold or source gives another name."""
-    depends = (chunk, twin_version(pump_type(chunk.pump_type)), sorted(effective({}).items()), _sources())
+    forecasts = None if chunk.row.limit is None else _forecast_sources()
+    depends = (chunk, twin_version(pump_type(chunk.pump_type)), sorted(effective({}).items()), _sources(), forecasts)
     return hashlib.sha256(repr(depends).encode()).hexdigest()[:24]
 
 
@@ -51,6 +52,15 @@ def is_kept(folder: Path, chunk: Chunk) -> bool:
 
 def _path(folder: Path, chunk: Chunk) -> Path:
     return folder / f"{key(chunk)}.npz"
+
+
+@functools.cache
+def _forecast_sources() -> str:
+    """Hash of what forecasts are made by."""
+    digest = hashlib.sha256(cache_folder("detectors.prognosis").name.encode())
+    for package, name in (("service.monitoring", "forecast.py"), ("service.evaluation", "forecasts.py")):
+        digest.update((files(package) / name).read_bytes())
+    return digest.hexdigest()
 
 
 @functools.cache

@@ -7,6 +7,26 @@ import numpy as np
 import pytest
 
 from detectors.evaluation.calibration import N_FINE, Reliability, calibration, calibration_error, equal_mass
+from detectors.evaluation.delays import (
+    ALARM,
+    CHART,
+    CHART_FALSE_ALARMS,
+    INFORMED,
+    LEAST_DELAY,
+    delay_scores,
+    excess,
+    found_by,
+    mean_delay,
+)
+from detectors.evaluation.lives import (
+    asked_records,
+    covered_at,
+    ends_of_life,
+    given_at,
+    life_scores,
+    near_at,
+    near_where_given_at,
+)
 from detectors.evaluation.operating import (
     DELAY_AT_ONE,
     DETECTED_AT_ONE,
@@ -17,13 +37,25 @@ from detectors.evaluation.operating import (
 )
 from detectors.evaluation.prevalence import ARRIVAL_PRIOR, hazard_per_record, prior_weights
 from detectors.evaluation.reality import REALITIES, Course, fleet
-from detectors.evaluation.rows import LEAKS, PLAIN_ROWS, ComingAndGoing, Growing, Row, SideBySide
+from detectors.evaluation.rows import (
+    LEAKS,
+    PLAIN_ROWS,
+    SMALL_STEP,
+    ComingAndGoing,
+    Growing,
+    Row,
+    SideBySide,
+    WearingOut,
+)
 from detectors.evaluation.scoring import seen
 from detectors.evaluation.sensing import Sensing, histories
+from detectors.evaluation.small_steps import chart_threshold, judged_in_class
+from detectors.evaluation.study import Outcome
 from detectors.evaluation.truth import is_worth_a_word, since_installation
 from detectors.filter_bank import ARRIVAL_KINDS, Bank
 from detectors.thresholds import effective
-from detectors.verdict import State
+from detectors.verdict import ESTIMATES, State
+from service.evaluation.forecasts import with_forecasts
 from tests.detectors.test_evaluation import H, N, P, outcome, row
 from twin.condition import INPUTS
 from twin.pumps import circuit_parameters, pump_type
@@ -32,8 +64,8 @@ from twin.pumps import circuit_parameters, pump_type
 def test_a_swept_alarm_is_the_alarm_of_the_judge() -> None:
     odds = np.array([[np.nan, 6.0, 6.0, 4.0, 6.0, 6.0, 6.0, 6.0, 2.0, 0.5, 6.0, 6.0]])
     # the default: four in a row above 5, then down to 1
-    assert alarmed_at(odds, 5.0, 1.0, 4).tolist() == [[False] * 7 + [True, True] + [False] * 3]
-    assert alarmed_at(odds, 5.0, 1.0, 1)[0].tolist() == [False, *[True] * 8, False, True, True]
+    assert alarmed_at(odds, [5.0], [1.0], 4).tolist() == [[[False] * 7 + [True, True] + [False] * 3]]
+    assert alarmed_at(odds, [9.0, 5.0], [5.0, 1.0], 1)[1, 0].tolist() == [False, *[True] * 8, False, True, True]
 
 
 def test_sweeping_trades_false_alarms_for_delay() -> None:
@@ -160,3 +192,100 @@ def test_an_exchanged_pump_keeps_itself_and_meets_another_aircraft() -> None:
     moved = next(r for r in PLAIN_ROWS if r.name == "pump exchanged")
     assert moved.truth is H
     assert 0 < (moved.moved_at or 0) < moved.n_flights
+
+
+def small(kind: str) -> Row:
+    return next(r for r in PLAIN_ROWS if r.name == SMALL_STEP + kind)
+
+
+@pytest.fixture(scope="module")
+def steps() -> Outcome:
+    """Small steps of slipper leakage on four pumps."""
+    study_row = replace(small("leakage, slippers"), n_flights=130)
+    pump, circuit = pump_type("h225"), circuit_parameters("shared_return")
+    return judged_in_class(study_row, REALITIES[0], pump, circuit, effective({}), 1, 0, 4)
+
+
+def test_small_steps_give_away_what_was_asked(steps: Outcome) -> None:
+    for information, size, flight in zip(steps.information, steps.size, steps.flight, strict=True):
+        n = int((flight >= 0).sum())
+        onset = int(np.argmax(flight >= 60))
+        assert not size[:onset].any()
+        assert not information[:onset].any()
+        assert np.ptp(size[onset:n]) == 0.0
+        assert size[n - 1] > 0.0  # a leak does not heal
+        # 0.2 nat a record until log 10,000 = 9.21 is reached: in 47 records
+        assert np.cumsum(information[onset:n])[46] == pytest.approx(math.log(1.0e4))
+        # what wanders takes the step for its own: the first record says most
+        assert information[onset] > information[n - 1]
+
+
+def test_the_chart_keeps_the_wanted_rate_by_its_bound() -> None:
+    # sum over onsets of the likelihood ratios times the hazard, 12 kinds of fault, two shapes, one in 1000 in 4 records
+    assert chart_threshold(1.0e4) == pytest.approx(math.log(1.0e4 * 0.006))
+
+
+def test_the_informed_detector_reaches_the_bound_where_information_lasts() -> None:
+    n = 200
+    held = outcome([[N, *[H] * (n - 1)]] * 6, healthy=0.99, onset=60, growth=1.0)
+    gain = np.where(np.arange(n) >= 60, 0.25, 0.0)
+    lasting = replace(held, information=np.tile(gain, (6, 1)), probabilities=held.probabilities.copy())
+    # the judge finds it at the 41st record of the step
+    lasting.probabilities[:, 100:, 0] = 1.0e-6
+    found = delay_scores(seen(replace(small("setting"), n_flights=n), lasting), 1)
+    assert found[LEAST_DELAY].value == 37.0  # 9.21 / 0.25
+    assert found[found_by(INFORMED)].value > 0.98
+    # Lorden's bound holds to the first order, and Page's chart attains it
+    assert found[mean_delay(INFORMED)].value == pytest.approx(37.0, rel=0.15)
+    assert found[mean_delay(CHART)].value == 41.0
+    assert found[excess(CHART)].value == pytest.approx(36.0 / 37.0)
+    assert found[found_by(ALARM)].value == 0.0
+    assert found[mean_delay(ALARM)].value == 140.0
+    assert found[CHART_FALSE_ALARMS].value == 0.0
+
+
+def test_forecasts_are_held_against_the_first_flight_at_the_limit() -> None:
+    n = 101
+    lived = outcome([[N, *[P] * (n - 1)]] * 4, onset=0, growth=0.01)  # case flow 1 + 0.01 a flight
+    asked = asked_records(lived, 1.8)
+    assert asked.tolist() == [[40, 56, 72]] * 4
+    assert np.isnan(ends_of_life(lived, 3.0)).all()
+    assert np.isnan(ends_of_life(lived, 0.5)).all()
+    # 40 flights of two hours are left at half the life
+    lived.forecast[0, 40] = (90.0, 50.0, 120.0)
+    lived.forecast[1, 40] = (100.0, 50.0, 120.0)
+    lived.forecast[2, 40] = (70.0, 60.0, 75.0)
+    found = life_scores(seen(replace(row(), limit=1.8), lived), 1.8, 1)
+    assert found[given_at(0.5)].value == 0.75
+    assert found[covered_at(0.5)].value == pytest.approx(2 / 3)
+    assert found[near_at(0.5)].value == 0.5  # 90 and 70 lie within 16 h of 80; none is a miss
+    assert found[near_where_given_at(0.5)].value == pytest.approx(2 / 3)
+    assert covered_at(0.7) not in found
+    assert life_scores(seen(row(), lived), 3.0, 1) == {}
+
+
+def test_the_service_forecasts_from_what_was_known_then() -> None:
+    n = 121
+    known = outcome([[N, *[P] * (n - 1)]], onset=0, growth=0.01)
+    known.estimates[0, :, list(ESTIMATES).index("case_flow_at_reference_lpm")] = np.column_stack(
+        [known.case_flow[0], known.case_flow[0] - 0.0165, known.case_flow[0] + 0.0165]
+    )
+    given = with_forecasts(known, 2.0)
+    at = asked_records(known, 2.0)[0]
+    for record in at:
+        mean, low, high = given.forecast[0, record]
+        left = 2.0 * (100 - record)
+        assert low <= left <= high
+        assert mean == pytest.approx(left, rel=0.25)
+    later = replace(known, estimates=known.estimates.copy())
+    later.estimates[0, at[0] + 1 :] += 1.0
+    assert with_forecasts(later, 2.0).forecast[0, at[0]] == pytest.approx(given.forecast[0, at[0]])
+
+
+def test_lives_wear_linearly_and_faster_and_faster() -> None:
+    course = WearingOut(("slippers", "port plate"), 0.8, flights=100, onset=10)
+    courses = [course.courses(1, 120, k)[0] for k in range(4)]
+    assert [c.kind for c in courses] == ["slippers", "port plate"] * 2
+    assert courses[0].size[0, 59] == pytest.approx(0.4)
+    assert courses[2].size[0, 59] == pytest.approx(0.8 * (math.e - 1) / (math.e**2 - 1))
+    assert all(c.size[0, -1] == 0.8 for c in courses)
