@@ -76,7 +76,7 @@ def life_scores(found: Seen, limit: float, seed: int) -> dict[str, Score]:
     pumps = np.flatnonzero(np.isfinite(ends))
     if not len(pumps):
         return {}
-    result = {}
+    result: dict[str, Score] = {}
     for k, share in enumerate(LAMBDAS):
         at = asked[pumps, k]
         mean, low, high = outcome.forecast[pumps, at].T

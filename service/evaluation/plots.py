@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.calibration import equal_mass, mean_shares
+from detectors.evaluation.lives import LAMBDAS, covered_at, near_at
 from detectors.evaluation.operating import OperatingCurve
-from detectors.evaluation.summary import Pooled, RowResult
+from detectors.evaluation.summary import ALL_REALITIES, Pooled, RowResult
 from service.evaluation.numbers import thinned
 from twin.validation.evidence import Curve, Plot
 
@@ -33,7 +34,27 @@ def row_plots(results: Mapping[str, RowResult]) -> list[Plot]:
         )
         plots.append(Plot("ROC", "healthy pumps suspected", "faulty pumps suspected", tuple(lines), caption))
     swept = {label: r.operating for label, r in results.items() if r.operating is not None}
-    return plots + (_swept(swept) if swept else [])
+    lived = {label: r for label, r in results.items() if r.row.limit is not None}
+    return plots + (_swept(swept) if swept else []) + (_lived(lived) if lived else [])
+
+
+def _lived(results: Mapping[str, RowResult]) -> list[Plot]:
+    """Coverage of the forecast's intervals and nearness of its mean along the life."""
+    plots = []
+    for title, y_label, of in (
+        ("Forecast: intervals", "share of 80 % intervals that hold the truth", covered_at),
+        ("Forecast: alpha-lambda", "share of pumps with a mean within 20 % of the truth", near_at),
+    ):
+        curves = []
+        for label, result in results.items():
+            scores = result.scopes[ALL_REALITIES].scores
+            at = [share for share in LAMBDAS if of(share) in scores]
+            if at:
+                curves.append(Curve(label, np.array(at), np.array([scores[of(share)].value for share in at])))
+        if curves:
+            caption = "Lives run from the installation to the first flight at the limit; no forecast is no interval."
+            plots.append(Plot(title, "share of the life", y_label, tuple(curves), caption))
+    return plots
 
 
 def _swept(curves: Mapping[str, OperatingCurve]) -> list[Plot]:

@@ -8,6 +8,19 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
+from detectors.evaluation.delays import (
+    ALARM,
+    CHART,
+    CHART_FALSE_ALARMS,
+    FLOORED,
+    INFORMATION,
+    INFORMED,
+    LEAST_DELAY,
+    excess,
+    found_by,
+    mean_delay,
+)
+from detectors.evaluation.lives import LAMBDAS, covered_at, error_at, given_at, near_at, near_where_given_at
 from detectors.evaluation.operating import DELAY_AT_ONE, DETECTED_AT_ONE, THRESHOLD_AT_ONE
 from detectors.evaluation.reality import DIFFERENCES
 from detectors.evaluation.rows import BURST
@@ -59,6 +72,7 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
 )
 _SENSING = {False: "windows", True: "with bursts"}
+_DETECTORS = (CHART, ALARM, INFORMED)
 _PLAIN: Mapping[str, int] = {
     FALSE_ALARMS: 2,
     CONFIDENCE_ERROR: 3,
@@ -68,6 +82,11 @@ _PLAIN: Mapping[str, int] = {
     ALARMED_ERROR: 3,
     ROC_AREA: 3,
     THRESHOLD_AT_ONE: 1,
+    INFORMATION: 2,
+    LEAST_DELAY: 0,
+    CHART_FALSE_ALARMS: 2,
+    **{mean_delay(of): 0 for of in _DETECTORS},
+    **{excess(of): 2 for of in _DETECTORS},
 }
 """Numbers that are no shares, with their decimals."""
 _HEADLINES = (
@@ -92,6 +111,12 @@ _HEADLINES = (
     EACH_ERROR_FROM_ONSET,
     ALARMED_ERROR,
     *COVERED.values(),
+    INFORMATION,
+    LEAST_DELAY,
+    CHART_FALSE_ALARMS,
+    FLOORED,
+    *(name(of) for of in _DETECTORS for name in (found_by, mean_delay, excess)),
+    *(name(share) for share in LAMBDAS for name in (given_at, covered_at, near_at, near_where_given_at, error_at)),
 )
 _DELAYS = (DELAY_MEDIAN, DELAY_95, DELAY_AT_ONE)
 _BY_REALITY = (FALSE_ALARMS, RIGHT_OR_CANDIDATE, at_end(Side.PUMP), at_end(Side.SYSTEM), SIZE_MEDIAN, DELAY_MEDIAN)
