@@ -4,6 +4,7 @@ The truth comes from the operating point, the judge works with a reduced twin ro
 the realities differ from it in what ``DIFFERENCES`` lists; the judge is told none of it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,6 +105,7 @@ def fleet(
     courses: tuple[Course, ...] = (),
     *,
     worn: bool = False,
+    moved_at: int | None = None,
 ) -> Flights:
     """Draw a fleet and fly it.
 
@@ -113,17 +115,23 @@ def fleet(
         Faults beside each other; empty for healthy pumps.
     worn
         Pumps that arrive with a case flow at the reference above 2.2 L/min.
+    moved_at
+        Flight from which each pump sits in another aircraft; None: it stays where it is.
     """
     shape = (n_pumps, n_flights)
     own = rng.normal
-    speed = pump.nominal_speed_rpm * (1.0 + own(0.0, 0.005, (n_pumps, 1)) + own(0.0, 0.004, shape))
-    day = np.arange(n_flights) / 300.0 + rng.uniform(0.0, 1.0, (n_pumps, 1))
-    climate = rng.uniform(45.0, 70.0, (n_pumps, 1))
-    season = rng.uniform(4.0, 14.0, (n_pumps, 1)) * np.sin(2.0 * np.pi * day)
+
+    def by_aircraft(draw: Callable[[], Array]) -> Array:
+        return drawn_by_aircraft(draw, n_flights, moved_at)
+
+    speed = pump.nominal_speed_rpm * (1.0 + by_aircraft(lambda: own(0.0, 0.005, (n_pumps, 1))) + own(0.0, 0.004, shape))
+    day = np.arange(n_flights) / 300.0 + by_aircraft(lambda: rng.uniform(0.0, 1.0, (n_pumps, 1)))
+    climate = by_aircraft(lambda: rng.uniform(45.0, 70.0, (n_pumps, 1)))
+    season = by_aircraft(lambda: rng.uniform(4.0, 14.0, (n_pumps, 1))) * np.sin(2.0 * np.pi * day)
     # a window may come minutes after the start or after an hour of flight
     temperature = np.clip(climate + season + own(0.0, 10.0, shape), 20.0, 100.0)
-    reservoir = np.clip(rng.uniform(0.2, 2.0, (n_pumps, 1)) + own(0.0, 0.1, shape), 0.0, 2.5)
-    batch = 1.0 + 0.04 * _batches(rng, shape)
+    reservoir = np.clip(by_aircraft(lambda: rng.uniform(0.2, 2.0, (n_pumps, 1))) + own(0.0, 0.1, shape), 0.0, 2.5)
+    batch = 1.0 + 0.04 * by_aircraft(lambda: _batches(rng, shape))
     thin = viscosity_ratio(pump, temperature, np.ones(shape)) * batch
 
     rows = np.tile(np.array([pump.nominal_speed_rpm, 50.0, 0.0, 0.0, 1.01325, *Health()]), (*shape, 1))
@@ -139,14 +147,14 @@ def fleet(
     softening = rng.uniform(-0.5, 0.5, (n_pumps, 1)) * _softening(pump, circuit) * (temperature - 50.0)
     rows[..., _column("pressure_setting_change_bar")] = setting + softening
     rows[..., _column("control_bleed_lpm")] = np.clip(own(0.02, 0.02, (n_pumps, 1)), 0.0, None)
-    by_pass = rng.uniform(0.3, 0.7, (n_pumps, 1)) * np.ones(shape)
+    by_pass = by_aircraft(lambda: rng.uniform(0.3, 0.7, (n_pumps, 1))) * np.ones(shape)
     rows[..., _column("system_leakage_lpm")] = by_pass / (thin if reality.system_leak == "laminar" else 1.0)
-    drain = np.exp(own(0.0, 0.18, (n_pumps, 1)))
+    drain = by_aircraft(lambda: np.exp(own(0.0, 0.18, (n_pumps, 1))))
     if reality.drain == "viscous":
-        exponent = rng.uniform(0.0, 0.6, (n_pumps, 1))
+        exponent = by_aircraft(lambda: rng.uniform(0.0, 0.6, (n_pumps, 1)))
         rows[..., _column("drain_resistance_scale")] = drain * thin**exponent
     else:
-        pipe = rng.uniform(0.2, 0.8, (n_pumps, 1))
+        pipe = by_aircraft(lambda: rng.uniform(0.2, 0.8, (n_pumps, 1)))
         rows[..., _column("drain_resistance_scale")] = drain
         rows[..., _column("drain_viscosity_weight_change")] = pipe * batch
         rows[..., _column("drain_flow_weight_change")] = 1.0 - pipe
@@ -170,6 +178,15 @@ def fleet(
         once,
         rows,
     )
+
+
+def drawn_by_aircraft(draw: Callable[[], Array], n_flights: int, moved_at: int | None) -> Array:
+    """What belongs to the aircraft: drawn once, or once more for the flights from ``moved_at`` on.
+
+    ``draw`` gives an array that broadcasts with (n_pumps, n_flights).
+    """
+    first = draw()
+    return first if moved_at is None else np.where(np.arange(n_flights) < moved_at, first, draw())
 
 
 def _batches(rng: np.random.Generator, shape: tuple[int, int]) -> Array:

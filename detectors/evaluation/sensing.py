@@ -1,12 +1,13 @@
 """What the aircraft's sensors make of simulated flights: histories as the judge receives them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.evaluation.reality import Flights
+from detectors.evaluation.reality import Flights, drawn_by_aircraft
 from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
 from detectors.signature import ChannelSpectrum, OrderLine, Spectrum
 from twin.burst import measured_amplitudes
@@ -16,6 +17,7 @@ from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
 
+HOURS_PER_FLIGHT = 2.0
 START = datetime(2026, 1, 5, 8, 0, tzinfo=UTC)
 
 
@@ -39,12 +41,22 @@ class Sensing:
     and 3 mbar, which dithers the coarser step of 85 mbar."""
 
 
-def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random.Generator) -> list[History]:
-    """One history per pump; flights that dropped out are missing from it."""
+def histories(
+    flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random.Generator, moved_at: int | None = None
+) -> list[History]:
+    """One history per pump; flights that dropped out are missing from it.
+
+    From flight ``moved_at`` on the pump is seen by another aircraft's sensors.
+    """
     shape = flights.discharge.shape
     n_pumps, n_flights = shape
     normal = rng.normal
-    offset = normal(0.0, 0.03, (n_pumps, 1)) + np.cumsum(normal(0.0, sensing.case_zero_drift_per_flight, shape), axis=1)
+
+    def by_aircraft(draw: Callable[[], Array]) -> Array:
+        return drawn_by_aircraft(draw, n_flights, moved_at)
+
+    offset = by_aircraft(lambda: normal(0.0, 0.03, (n_pumps, 1)))
+    offset = offset + np.cumsum(normal(0.0, sensing.case_zero_drift_per_flight, shape), axis=1)
     offset += sensing.case_zero_step * (np.arange(n_flights) >= sensing.step_at)
     discharge = flights.discharge + normal(0.0, sensing.discharge_repeatability, shape)
     discharge += np.cumsum(normal(0.0, sensing.discharge_drift_per_flight, shape), axis=1)
@@ -53,9 +65,9 @@ def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random
     case += np.where(jumped, rng.uniform(-1.0, 1.0, shape), 0.0)
     jumped = rng.uniform(size=shape) < sensing.outlier
     discharge += np.where(jumped, rng.uniform(-30.0, 30.0, shape), 0.0)
-    probe = normal(0.0, 0.7, (n_pumps, 1)) + normal(0.0, 0.4, shape)
+    probe = by_aircraft(lambda: normal(0.0, 0.7, (n_pumps, 1))) + normal(0.0, 0.4, shape)
     zero = offset + normal(0.0, 0.006, shape)
-    reservoir_error = normal(0.0, 0.01, (n_pumps, 1)) + normal(0.0, 0.004, shape)
+    reservoir_error = by_aircraft(lambda: normal(0.0, 0.01, (n_pumps, 1))) + normal(0.0, 0.004, shape)
     has_zero = sensing.zero_measured & (rng.uniform(size=shape) >= sensing.missing_zero)
     flown = rng.uniform(size=shape) >= sensing.dropout
     zero = (
@@ -84,13 +96,13 @@ def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random
                 Observation(
                     record_id=f"{j:05d}",
                     at=START + timedelta(hours=28.0 * int(j)),
-                    aircraft="A",
+                    aircraft="A" if moved_at is None or j < moved_at else "B",
                     position="LH",
                     flight_id=str(j),
                     reduction=Reduction(
                         found, (window,), None, spectrum=None if lines is None else _spectrum(lines, i, int(j), pump)
                     ),
-                    flight_hours=2.0 * int(j),
+                    flight_hours=HOURS_PER_FLIGHT * int(j),
                 )
             )
         result.append(History(tuple(observations)))
