@@ -90,6 +90,10 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         changed,
         moments,
     )
+    # what regulation shows is independent of the means: it stands against the pump that is healthy by them
+    odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
+    for of in (sums, changed):
+        of[_COMPENSATOR] += of[-1] * odds
     posterior = _shares(sums)
     probabilities = {State.HEALTHY: float(posterior[-1])}
     probabilities |= {f: float(p) for f, p in zip(FAULTS, posterior[:-1], strict=True)}
@@ -142,6 +146,8 @@ def _shares(sums: Array) -> Array:
     return shares
 
 
+_COMPENSATOR = FAULTS.index(State.COMPENSATOR_FAULT)
+_MOST_LOG_ODDS = 600.0
 _STATES = np.array([FAULTS.index(k.state) if k.state in FAULTS else len(FAULTS) for k in FAULT_KINDS] + [len(FAULTS)])
 _FLOORS = np.array([k.floor for k in FAULT_KINDS] + [0.0, ARRIVAL_FLOOR_LPM])
 _IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False, False])
