@@ -44,7 +44,7 @@ down by a tenth between 30 and 90 degC and by a quarter where edges are rounded 
 _NOISE = np.array([0.30, 0.30, 0.06])
 """Spread from flight to flight of a healthy pump [-] (estimates); each chart learns its own from here."""
 _LEVEL = np.array([2.0, 2.0, 0.5])
-_LEVEL_WALK = np.array([0.02, 0.02, 0.003])
+_LEVEL_WALK = np.array([0.02, 0.02, 0.0015])
 _WARMTH = np.array([0.3, 0.3, 0.10])
 _AMPLITUDE_WALK = np.array([0.05, 0.05, 0.004])
 _FIRST_HALF_DEGREES = 2.5
@@ -53,7 +53,7 @@ _MOST_HALF_DEGREES = 6.0
 single flight with busy consumers stays cheap."""
 _MOST_NOISE = 2.0
 """A healthy pump's spread over the expected one, at most: a fault that comes and goes is no noise."""
-_SHOWN = np.array([4.0, 1.0])
+_SHOWN = np.array([9.0, 1.0])
 """Prior flights on which a fault shows and does not (estimate)."""
 _CAPACITY = 1 + MOST_ONSETS
 _L, _W, _A = range(3)
