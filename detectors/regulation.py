@@ -44,7 +44,7 @@ down by a tenth between 30 and 90 degC and by a quarter where edges are rounded 
 _NOISE = np.array([0.30, 0.30, 0.06])
 """Spread from flight to flight of a healthy pump [-] (estimates); each chart learns its own from here."""
 _LEVEL = np.array([2.0, 2.0, 0.5])
-_LEVEL_WALK = np.array([0.02, 0.02, 0.0015])
+_LEVEL_WALK = np.array([0.01, 0.01, 0.0015])
 _WARMTH = np.array([0.3, 0.3, 0.10])
 _AMPLITUDE_WALK = np.array([0.05, 0.05, 0.004])
 _FIRST_HALF_DEGREES = 2.5
