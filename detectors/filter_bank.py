@@ -10,10 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.anchor import COLUMN
 from detectors.components import AMPLITUDE, N_COMPONENTS, N_SLOW, N_STATE, PLACE, RATE
 from detectors.filter_kernel import N_MEASURED, ZERO, advance, step
 from detectors.filter_refit import fit_anew
 from detectors.filter_summary import ARRIVAL, RAMP, spawned
+from detectors.regulation import N_FEATURES, Regulation
 from detectors.state_model import (
     FAULT_KINDS,
     FREE_SETTING_WALK_BAR,
@@ -40,6 +42,8 @@ _FIRST_RECORDS = 5
 _FIRST_ITERATIONS = 3
 _FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 """Records after which every filter is fitted to its whole history anew (``detectors.filter_refit``)."""
+_UNSEEN = np.full(N_FEATURES, np.nan)
+_UNSEEN.flags.writeable = False
 ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
 """Mean and spread of what a pump leaks on top that arrives worn: the acceptance limit lies 0.2 above the nominal pump's
@@ -75,6 +79,7 @@ _BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
 _BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
 _OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
+_WARMTH = COLUMN["warmth"]
 _WALK = walk_variance()
 
 
@@ -94,6 +99,8 @@ class Measurement:
         answers to each component, shape (2, N_COMPONENTS).
     reservoir_measured
         False where the pump type's nominal reservoir pressure stands in for a sensor.
+    regulation
+        Logarithms of how the pressure is regulated (``detectors.regulation``), NaN where not seen, shape (N_FEATURES,).
     """
 
     values: Array
@@ -102,6 +109,7 @@ class Measurement:
     anchor: Array
     ripple: Array
     reservoir_measured: bool
+    regulation: Array = field(default_factory=lambda: _UNSEEN)
 
 
 @dataclass(slots=True)
@@ -139,6 +147,7 @@ class Bank:
     base_mean: Array = field(default_factory=lambda: np.zeros(N_STATE))
     base_covariance: Array = field(default_factory=lambda: np.zeros((N_STATE, N_STATE)))
     base_records: int = 0
+    regulation: Regulation = field(default_factory=Regulation)
 
     def __post_init__(self) -> None:
         """Start with the population's spread: the healthy pump, and those that arrive worn."""
@@ -168,6 +177,7 @@ class Bank:
                 self._set_reservoir(measurement.reservoir_measured)
             iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
             self._take(measurement, iterations)
+            self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.records += 1
         self.learnt.append(measurements)
@@ -201,6 +211,7 @@ class Bank:
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
         self._take(measurement, 1)
+        self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.learnt[-1] = (*self.learnt[-1], measurement)
 
@@ -270,6 +281,7 @@ class Bank:
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
         advance(self.mean, self.covariance, self.n, self._walk(), *self._wander())
+        self.regulation.pass_time()
 
     def _take(self, measurement: Measurement, iterations: int) -> None:
         if measurement.seen[-1] > ZERO:
@@ -307,6 +319,7 @@ class Bank:
             _LOG_PRIORS,
             self._most_onsets(),
         )
+        self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:
         """How many onsets are kept by shape and kind: none of what this history cannot tell from another kind."""
@@ -324,6 +337,9 @@ class Bank:
         """
         touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
         self._keep(np.flatnonzero(~touched[self.kind[: self.n]]))
+        if "setting" in components:
+            # the compensator was opened: it regulates as it does now
+            self.regulation = Regulation()
         _, sd = prior(self.pump)
         for name in components:
             self._forget(PLACE[name], sd[PLACE[name]])

@@ -98,6 +98,10 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         together,
         moments,
     )
+    # what regulation shows is independent of the means: it stands against the pump that is healthy by them
+    odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
+    for of in (sums, changed):
+        of[_COMPENSATOR] += of[-1] * odds
     posterior = _shares(sums)
     probabilities = {State.HEALTHY: float(posterior[-1])}
     probabilities |= {f: float(p) for f, p in zip(FAULTS, posterior[:-1], strict=True)}
@@ -160,6 +164,8 @@ def _shares(sums: Array) -> Array:
     return shares
 
 
+_COMPENSATOR = FAULTS.index(State.COMPENSATOR_FAULT)
+_MOST_LOG_ODDS = 600.0
 _STATES = np.array([FAULTS.index(k.state) if k.state in FAULTS else len(FAULTS) for k in FAULT_KINDS] + [len(FAULTS)])
 _BESIDE = np.array([-1 if k.beside is None else FAULTS.index(k.beside) for k in FAULT_KINDS] + [-1])
 _MOVED = next(k for k in FAULT_KINDS if k.component == "setting")

@@ -207,6 +207,15 @@ PLAIN_ROWS: tuple[Row, ...] = (
     Row("setting 1.5 bar", State.COMPENSATOR_FAULT, 200, Growing(("setting",), -1.5), "bar"),
     Row("setting 3 bar", State.COMPENSATOR_FAULT, 200, Growing(("setting",), -3.0), "bar"),
     Row("edge radius x10", State.COMPENSATOR_FAULT, 200, Growing(("erosion",), 45.0), "um"),
+    Row(
+        "edge radius x10, closed-centre valve",
+        State.COMPENSATOR_FAULT,
+        200,
+        Growing(("erosion, closed-centre valve",), 45.0),
+        "um",
+    ),
+    Row("jamming, sticking spool", State.COMPENSATOR_FAULT, 200, Growing(("sticking spool",), 5.0), "N"),
+    Row("jamming, stuck spool", State.COMPENSATOR_FAULT, 200, Stepping(("stuck spool",), 500.0), "N"),
     Row("case zero +0.06 bar", State.SENSOR_FAULT, 120, sensing=_CASE_ZERO),
     Row(
         "case zero +0.06 bar, zero not measured",

@@ -16,17 +16,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import N_COMPONENTS
+from detectors.components import AMPLITUDE, N_COMPONENTS, N_STATE, RATE
 from detectors.evaluation.prevalence import hazard_per_record
 from detectors.evaluation.reality import Reality, fleet
 from detectors.evaluation.rows import Row, SmallStep
 from detectors.evaluation.sensing import histories
 from detectors.evaluation.study import NAMES, Outcome, blank, seed_of, state_number
-from detectors.filter_bank import SPAWN_EVERY, Bank, Measurement, directions_of
-from detectors.filter_kernel import N_MEASURED, predicted
+from detectors.filter_bank import DIRECTIONS, SPAWN_EVERY, Bank, Measurement
+from detectors.filter_kernel import N_MEASURED, N_SLOPES, predicted
 from detectors.isolation import Alarm, Decision, decided, evidence
 from detectors.measurement import measured_windows
-from detectors.state_model import AMPLITUDE, FAULT_KINDS, N_STATE, prior, walk_variance
+from detectors.state_model import FAULT_KINDS, prior, walk_variance
 from detectors.verdict import FAULTS, State
 from twin.parameters import Circuit, PumpType
 
@@ -78,7 +78,7 @@ def judged_in_class(
         measurements = [m.measurements[-1] for m in found.values()]
         onset = next((j for j, f in enumerate(flown) if f >= course.onset), len(flown))
         state = _course_of_state(pump, len(flown), rng)
-        direction = directions_of(kinds[course.kind])
+        direction = DIRECTIONS[kinds[course.kind]]
         unit = _information(pump, measurements, state, direction, onset)
         size = _size(unit[onset:], course) * (FAULT_KINDS[kinds[course.kind]].sign or -1)
         amplitude = np.where(np.arange(len(flown)) >= onset, size, 0.0)
@@ -100,10 +100,10 @@ def _course_of_state(pump: PumpType, n: int, rng: np.random.Generator) -> Array:
 
 def _answer(measurement: Measurement, state: Array, direction: Array) -> tuple[Array, Array]:
     """What the sensors show and its slopes, shapes (k,) and (k, N_STATE), of what was measured."""
-    y, slopes = np.empty(N_MEASURED), np.empty((N_MEASURED, N_STATE))
-    full, work = np.empty(N_COMPONENTS), np.empty((2, N_COMPONENTS))
+    y, slopes = np.empty(N_MEASURED), np.empty((N_MEASURED, N_SLOPES))
+    full, work = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS))
     predicted(state, direction, measurement.anchor, measurement.ripple, full, work, y, slopes)
-    return y[measurement.seen], slopes[measurement.seen]
+    return y[measurement.seen], slopes[measurement.seen][:, :N_STATE]
 
 
 def _information(pump: PumpType, measurements: list[Measurement], state: Array, direction: Array, onset: int) -> Array:
@@ -118,7 +118,9 @@ def _information(pump: PumpType, measurements: list[Measurement], state: Array, 
         gain = np.linalg.solve(slopes @ covariance @ slopes.T + noise, slopes @ covariance).T
         if j >= onset:
             # the column of the amplitude is the fault's own mark; ``missed`` is what the filter took for nuisances
-            shift = slopes[:, AMPLITUDE] - slopes[:, :AMPLITUDE] @ missed[:AMPLITUDE]
+            own = slopes.copy()
+            own[:, [AMPLITUDE, RATE]] = 0.0
+            shift = slopes[:, AMPLITUDE] - own @ missed
             result[j] = 0.5 * shift @ np.linalg.solve(slopes @ covariance @ slopes.T + noise, shift)
             missed = missed + gain @ shift
         covariance = covariance - gain @ slopes @ covariance
