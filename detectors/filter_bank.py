@@ -19,6 +19,7 @@ from detectors.regulation import N_FEATURES, Regulation
 from detectors.state_model import (
     FAULT_KINDS,
     FREE_SETTING_WALK_BAR,
+    GONE,
     MEASURED_RESERVOIR_SD_BAR,
     N_KINDS,
     UNMEASURED_RESERVOIR_WALK_BAR,
@@ -196,7 +197,10 @@ class Bank:
         if not len(changed):
             return
         likeliest = changed[self.log_evidence[changed].argmax()]
-        if self.log_evidence[likeliest] < self.log_evidence[0] + _BEYOND_DOUBT:
+        gone = self.kind[likeliest] == GONE
+        # a fault that is gone leaves nothing of what was thought of it; a new fluid says nothing of other faults
+        rivals = np.flatnonzero(self.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
+        if self.log_evidence[likeliest] < self.log_evidence[rivals].max() + _BEYOND_DOUBT:
             return
         into = np.eye(N_STATE)
         for name, share in FAULT_KINDS[self.kind[likeliest]].moves:
@@ -205,7 +209,7 @@ class Bank:
         self.mean[0] = into @ self.mean[likeliest]
         self.covariance[0] = into @ self.covariance[likeliest] @ into.T
         self.log_evidence[0] = self.log_evidence[likeliest]
-        self._keep(np.setdiff1d(np.arange(n), changed))
+        self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
         self._rebase()
 
     def supplement(self, measurement: Measurement) -> None:
@@ -218,7 +222,8 @@ class Bank:
     def _fit_anew(self) -> None:
         """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""
         n = self.n
-        rows = np.flatnonzero((self.kind[:n] == HEALTHY) | (self.onset[:n] >= self.base_records))
+        kind = self.kind[:n]
+        rows = np.flatnonzero((kind == HEALTHY) | ((kind != GONE) & (self.onset[:n] >= self.base_records)))
         held = self.log_evidence[0]
         taken = [(i, m) for i, measurements in enumerate(self.learnt) for m in measurements]
         seen = np.zeros((len(taken), N_MEASURED), dtype=np.bool_)

@@ -150,10 +150,23 @@ def spawned(
 ) -> int:
     """A step and a ramp of each kind setting in now, in place; the least likely old onset gives way. New count.
 
+    The last kind begins where the likeliest fault stands, without it: the fault is gone.
+
     ``most_onsets`` holds how many of a shape and kind are kept, shape (2, n_kinds), ``log_priors`` how likely each sets in,
     shape (at least 2, n_kinds).
     """
+    likeliest, gone = 0, len(scales) - 1
+    for f in range(n):
+        if kind[f] != gone and log_evidence[f] > log_evidence[likeliest]:
+            likeliest = f
+    undone, undone_spread, undone_evidence = (
+        mean[likeliest].copy(),
+        covariance[likeliest].copy(),
+        log_evidence[likeliest],
+    )
     for k in range(len(scales)):
+        if k == gone and likeliest == 0:
+            continue
         for form in (STEP, RAMP):
             if most_onsets[form, k] == 0:
                 continue
@@ -173,5 +186,9 @@ def spawned(
                 covariance[place, RATE, RATE] = (scales[k] / ramp_records) ** 2
             kind[place], shape[place], onset[place] = k, form, records
             setting_at_onset[place] = mean[0, SETTING]
-            log_evidence[place] = log_evidence[0] + log_priors[form, k]
+            if k == gone:
+                mean[place], covariance[place] = undone, undone_spread
+                for i in (AMPLITUDE, RATE):
+                    mean[place, i], covariance[place, i, :], covariance[place, :, i] = 0.0, 0.0, 0.0
+            log_evidence[place] = (undone_evidence if k == gone else log_evidence[0]) + log_priors[form, k]
     return n

@@ -45,8 +45,8 @@ class FaultKind:
 
     @property
     def component(self) -> str:
-        """The component that the amplitude is counted in."""
-        return self.moves[0][0]
+        """The component that the amplitude is counted in; empty where there is none."""
+        return self.moves[0][0] if self.moves else ""
 
 
 _WEARS = -1.6
@@ -125,10 +125,13 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
         beside=State.COMPENSATOR_FAULT,
     ),
     FaultKind("reservoir sensor", State.SENSOR_FAULT, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar"),
+    FaultKind("fault gone", State.HEALTHY, (), 0.0, 0.0, 0, sudden=2.0, growing=None),
 )
 """Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show. Settings drift more often than
 pumps fail (and no healthy pump of the studies was ever taken for one); fluid is changed once in some hundred flights."""
 N_KINDS = len(FAULT_KINDS)
+GONE = N_KINDS - 1
+"""The kind that undoes the likeliest fault: it begins where that fault's filter stands, without the fault."""
 LOG_HAZARD = float(np.log(1.0e-3))
 """Prior of a fault of one kind setting in within the spacing of onset candidates (estimate)."""
 

@@ -152,12 +152,14 @@ def test_rows_are_pooled_as_the_judge_expects_them() -> None:
     worn = next(r for r in PLAIN_ROWS if r.worn)
     weights = prior_weights([healthy, leak, replace(leak, name="again"), drain, worn])
     assert weights[1] == weights[2]
-    # five kinds of pump leakage, one of drain restriction
-    assert 2 * weights[1] == pytest.approx(5 * weights[3])
-    # 12 kinds, two shapes, one in a thousand in four records each
-    assert hazard_per_record() == pytest.approx(12 * 2 * 1e-3 / 4)
-    # 200 records without any of them: three pumps in ten
-    assert weights[0] * (1 + 2 * ARRIVAL_PRIOR) == pytest.approx(math.exp(-1.2))
+    hazards = np.exp(log_hazards()).sum(axis=0)
+    by_state = {s: sum(h for h, k in zip(hazards, FAULT_KINDS, strict=True) if k.state is s) for s in State}
+    assert 2 * weights[1] / weights[3] == pytest.approx(
+        by_state[State.PUMP_DEGRADATION] / by_state[State.DRAIN_RESTRICTION]
+    )
+    # all kinds but the healthy ones, in four records each; 200 records without any of them
+    assert hazard_per_record() == pytest.approx(sum(h for s, h in by_state.items() if s is not State.HEALTHY) / 4)
+    assert weights[0] * (1 + 2 * ARRIVAL_PRIOR) == pytest.approx(math.exp(-200 * hazard_per_record()))
     start = Bank(pump_type("h225"))
     assert start.log_evidence[1 : 1 + len(ARRIVAL_KINDS)] == pytest.approx(math.log(ARRIVAL_PRIOR))
     assert weights[4] == pytest.approx(2 * ARRIVAL_PRIOR / (1 + 2 * ARRIVAL_PRIOR))
