@@ -20,6 +20,7 @@ from twin.compiled import compiled
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_PASSES_OF_FAULTS = 2
 _YOUNG = 16
 """Records of a history in which every fit is tried from several starts."""
 _SETTLED = 0.3
@@ -75,7 +76,7 @@ def fit_anew(
     alive
         How much of the state is alive (``n`` of ``filter_kernel.take``).
     most_passes
-        Over the history, for each filter from each start.
+        Over the history, for the healthy pump from each start.
     """
     start, best_mean, best_covariance = np.empty(N_STATE), np.empty(N_STATE), np.empty((N_STATE, N_STATE))
     likeliest = rows[0]
@@ -90,17 +91,16 @@ def fit_anew(
         spread = scales[k] if form == STEP else scales[k] / ramp_records
         own = mean[f].copy()
         best = -np.inf
-        for attempt in range(3 if k < 0 else 2):
+        for attempt in range(3 if k < 0 else 1):
             start[:] = own
-            if attempt == 1:
-                # the healthy pump from where the likeliest fault stands, a fault from where the healthy pump does
-                if (k < 0 and likeliest == f) or (k >= 0 and not young):
-                    continue
+            # the healthy pump also from where the likeliest fault stands and, young, from its history backwards
+            if (attempt == 1 and likeliest == f) or (attempt == 2 and not young):
+                continue
+            # and a fault, young, from where the healthy pump came to
+            if attempt == 1 or (k >= 0 and young):
                 start[:] = other
                 start[AMPLITUDE], start[RATE] = own[AMPLITUDE], own[RATE]
-            if attempt == 2 and not young:
-                continue
-            for passed in range(most_passes):
+            for passed in range(most_passes if k < 0 else _PASSES_OF_FAULTS):
                 found = prior + _through(
                     mean[f : f + 1],
                     covariance[f : f + 1],
