@@ -42,6 +42,7 @@ _COMMUTES = tuple(
         "pump_leakage_scale",
         "slipper_leakage_scale",
         "piston_leakage_scale",
+        "control_bleed_lpm",
     )
     for name in INPUTS
 )
