@@ -88,6 +88,22 @@ class _Grid(NamedTuple):
     span: float
 
 
+class _Chamber(NamedTuple):
+    """A changing chamber over angle, each over the fluid that the change needs [1/rad].
+
+    What its turning moves per sine of the angle, its leakage, what its tilting moves per rate of the tilt, and what an
+    open port lets through at the full pressure difference, halved.
+    """
+
+    turned: float
+    leak: float
+    tilted: float
+    port: float
+    leak_start: float
+    bend: float
+    low: float
+
+
 @compiled
 def _turn(angle: float) -> complex:
     return complex(math.cos(angle), math.sin(angle))
@@ -98,6 +114,12 @@ def _span(plate: PortPlate, needed: float, v_0: float, omega: float) -> float:
     """Angle that the opening port alone needs to fill a chamber [rad], with a margin."""
     filling = 2.0 * needed * plate.phi_ramp**2 * omega / (plate.C_q * plate.A_port * v_0)
     return min(1.2 * math.pow(filling, 1.0 / 3.0), 0.6 * plate.phi_ramp)
+
+
+@compiled
+def _fluid_share(bend: float, p: float) -> float:
+    """Share of a change's fluid by its share of pressure."""
+    return (1.0 + bend) * p / (1.0 + bend * p)
 
 
 @compiled
@@ -120,18 +142,73 @@ def _centre(a: float, b: float, r_0: float, r_1: float) -> float:
 
 
 @compiled
-def _change(
-    plate: PortPlate,
-    change: Change,
-    grid: _Grid,
-    w: Harmonics,
-    n: float,
-    swing: float,
-    arm: float,
-    v_0: float,
-    omega: float,
-) -> tuple[float, float, Harmonics]:
-    """Mean angle of a change of pressure, share of its fluid when the old port has shut, and moments.
+def _chamber(plate: PortPlate, change: Change, swing: float, arm: float, v_0: float, omega: float) -> _Chamber:
+    per = 1.0 / ((1.0 + change.bend) * change.needed * omega)
+    port = 0.5 * plate.C_q * plate.A_port * v_0 * per
+    return _Chamber(
+        swing * omega * per, change.leak * per, arm * per, port, change.leak_start, change.bend, change.low
+    )
+
+
+@compiled
+def _moved(c: _Chamber, p: float, sine: float, rate: float, d: float) -> float:
+    """Share that turning, leakage and tilting move in a substep of angle d; leakage as in its middle."""
+    return (c.turned * sine + c.leak * (c.leak_start - p) - c.tilted * rate) * d / (1.0 + 0.5 * c.leak * d)
+
+
+@compiled
+def _while_closing(c: _Chamber, p: float, moved: float, open_angle: float, implicit: bool) -> float:
+    """Growth of the share in a substep while the old port still takes back what moves."""
+    b = c.port * open_angle
+    left = p + moved
+    if not implicit:
+        # by the mean of both ends: the port no longer holds the chamber
+        left -= b * math.copysign(math.sqrt(abs(p)), p)
+        b *= 0.5
+    root = math.sqrt(b * b + abs(left)) - b
+    return (min(root * root, 0.98) if left > 0.0 else max(-root * root, c.low)) - p
+
+
+@compiled
+def _while_closed(c: _Chamber, p: float, moved: float) -> float:
+    """Growth of the share in a substep while both ports are shut."""
+    g = 1.0 + c.bend * p
+    g += 0.5 * c.bend * moved * g * g
+    return min(max(moved * g * g, c.low - p), 0.98 - p)
+
+
+@compiled
+def _while_opening(
+    c: _Chamber, p: float, moved: float, u_a: float, u_b: float, ramp: float, middle: float
+) -> tuple[float, float]:
+    """Growth of the share in a substep while the next port opens from u_a to u_b ramps, and its lag.
+
+    Half of what moves, then the port alone, which lets the root of what is left fall, then the other half. The lag is
+    the part that came through the port times its mean angle past ``middle`` [rad].
+    """
+    g = 1.0 + c.bend * p
+    moved *= 0.5 * g * g
+    done = min(p + moved, 1.0)
+    b = c.port * ramp * (_opened(u_b) - _opened(u_a))
+    r_0 = math.sqrt(1.0 - done)
+    r_1 = max(r_0 - 0.5 * b, 0.0)
+    g = 1.0 + c.bend * (1.0 - r_1 * r_1)
+    b *= g * g
+    r_1 = max(r_0 - b, 0.0)
+    late = 0.0
+    if r_0 > 0.0:
+        if r_1 == 0.0:
+            v_a = u_a * u_a * u_a
+            u_b = math.pow(v_a + (u_b * u_b * u_b - v_a) * r_0 / b, 1.0 / 3.0)
+        late = (r_0 * r_0 - r_1 * r_1) * (ramp * _centre(u_a, u_b, r_0, r_1) - middle)
+    return min(1.0 - r_1 * r_1 + moved, 1.0) - p, late
+
+
+@compiled
+def _changes(
+    plate: PortPlate, rise: _Chamber, fall: _Chamber, grid: _Grid, w: Harmonics, n: float, turned: float
+) -> tuple[float, float, float, float, Harmonics]:
+    """Mean angles of both changes of pressure, shares done when the old ports have shut, moments of both together.
 
     The share p that is done follows from the chamber's balance over angle, ``needed omega ds/dphi = swing omega sin(phi)
     + leak (leak_start - p) - arm w(phi)`` plus what the ports let through, s being the fluid's share: the closing port
@@ -139,12 +216,8 @@ def _change(
     """
     first = plate.phi_commutation - plate.phi_seal
     last = plate.phi_commutation + plate.phi_seal
-    bend, low = change.bend, change.low
-    per = 1.0 / ((1.0 + bend) * change.needed * omega)
-    port = 0.5 * plate.C_q * plate.A_port * v_0 * per
-    turned, leak, tilted = swing * omega * per, change.leak * per, arm * per
-    per_ramp = 1.0 / plate.phi_ramp
-    p = centroid = shut = 0.0
+    ramp = plate.phi_ramp
+    p = q = rising = falling = shut_p = shut_q = 0.0
     m_1 = m_2 = m_3 = m_4 = complex(0.0, 0.0)
     boundary, phi = grid.first, first - plate.phi_seal
     for stretch in range(3):
@@ -156,71 +229,52 @@ def _change(
             count, half, d = _OPENING, grid.opening, grid.span / _OPENING
         z, whole = boundary * half, half * half
         phi += 0.5 * d
-        # leakage at the middle of a substep: p grows by half of what moves
-        step = d / (1.0 + 0.5 * leak * d)
         for k in range(count):
             z_2 = z * z
             z_3, z_4 = z * z_2, z_2 * z_2
-            rate = (w.h_1 * z + w.h_2 * z_2 + w.h_3 * z_3 + w.h_4 * z_4).real
+            odd, even = (w.h_1 * z + w.h_3 * z_3).real, (w.h_2 * z_2 + w.h_4 * z_4).real
             # the sine by its series: within 1e-5 here
-            moved = turned * (phi - phi * phi * phi / 6.0) + leak * (change.leak_start - p) - tilted * rate
-            moved *= step
-            late = 0.0
+            sine = phi - phi * phi * phi / 6.0
+            moved_p = _moved(rise, p, sine, even + odd, d)
+            moved_q = _moved(fall, q, sine, even + turned * odd, d)
+            late_p = late_q = 0.0
             if stretch == 0:
-                # implicit while the port holds the chamber, then by the mean of both ends: it hardly feeds what moves
-                u = (first - phi) * per_ramp
-                b = port * d * u * u * (3.0 - 2.0 * u)
-                left = p + moved
-                if k > 0:
-                    left -= b * math.copysign(math.sqrt(abs(p)), p)
-                    b *= 0.5
-                root = math.sqrt(b * b + abs(left)) - b
-                dp = (min(root * root, 0.98) if left > 0.0 else max(-root * root, low)) - p
+                u = (first - phi) / ramp
+                open_angle = d * u * u * (3.0 - 2.0 * u)
+                dp = _while_closing(rise, p, moved_p, open_angle, k == 0)
+                dq = _while_closing(fall, q, moved_q, open_angle, k == 0)
             elif stretch == 1:
-                g = 1.0 + bend * p
-                g += 0.5 * bend * moved * g * g
-                dp = min(max(moved * g * g, low - p), 0.98 - p)
+                dp, dq = _while_closed(rise, p, moved_p), _while_closed(fall, q, moved_q)
             else:
-                # half of what moves, then the port alone, which lets the root of what is left fall, then the other half
-                g = 1.0 + bend * p
-                moved *= 0.5 * g * g
-                done = min(p + moved, 1.0)
-                u_b = (phi + 0.5 * d - last) * per_ramp
-                u_a = max(u_b - d * per_ramp, 0.0)
-                b = port * plate.phi_ramp * (_opened(u_b) - _opened(u_a))
-                r_0 = math.sqrt(1.0 - done)
-                r_1 = max(r_0 - 0.5 * b, 0.0)
-                g = 1.0 + bend * (1.0 - r_1 * r_1)
-                b *= g * g
-                r_1 = max(r_0 - b, 0.0)
-                if r_0 > 0.0:
-                    if r_1 == 0.0:
-                        v_a = u_a * u_a * u_a
-                        u_b = math.pow(v_a + (u_b * u_b * u_b - v_a) * r_0 / b, 1.0 / 3.0)
-                    late = (r_0 * r_0 - r_1 * r_1) * (last - phi + plate.phi_ramp * _centre(u_a, u_b, r_0, r_1))
-                dp = min(1.0 - r_1 * r_1 + moved, 1.0) - p
+                u_a, u_b, middle = k * d / ramp, (k + 1.0) * d / ramp, phi - last
+                dp, late_p = _while_opening(rise, p, moved_p, u_a, u_b, ramp, middle)
+                dq, late_q = _while_opening(fall, q, moved_q, u_a, u_b, ramp, middle)
             p += dp
-            centroid += dp * phi + late
-            m_1 += z * complex(dp, n * late)
-            m_2 += z_2 * complex(dp, 2.0 * n * late)
-            m_3 += z_3 * complex(dp, 3.0 * n * late)
-            m_4 += z_4 * complex(dp, 4.0 * n * late)
+            q += dq
+            rising += dp * phi + late_p
+            falling += dq * phi + late_q
+            both, apart = dp + dq, dp + turned * dq
+            late, parted = n * (late_p + late_q), n * (late_p + turned * late_q)
+            m_1 += z * complex(apart, parted)
+            m_2 += z_2 * complex(both, 2.0 * late)
+            m_3 += z_3 * complex(apart, 3.0 * parted)
+            m_4 += z_4 * complex(both, 4.0 * late)
             z *= whole
             phi += d
         if stretch == 0:
-            shut = (1.0 + bend) * p / (1.0 + bend * p)
+            shut_p, shut_q = p, q
         phi -= 0.5 * d
         boundary = z * half.conjugate()
     # what is left after the span
-    left = 1.0 - p
+    both, apart = 2.0 - p - q, 1.0 - p + turned * (1.0 - q)
     z = boundary
     z_2 = z * z
-    m_1 += left * z
-    m_2 += left * z_2
-    m_3 += left * (z * z_2)
-    m_4 += left * (z_2 * z_2)
+    m_1 += apart * z
+    m_2 += both * z_2
+    m_3 += apart * (z * z_2)
+    m_4 += both * (z_2 * z_2)
     moments = Harmonics(m_1.conjugate(), m_2.conjugate(), m_3.conjugate(), m_4.conjugate())
-    return centroid + left * phi, shut, moments
+    return rising + (1.0 - p) * phi, falling + (1.0 - q) * phi, shut_p, shut_q, moments
 
 
 @compiled
@@ -301,30 +355,23 @@ def commutations(
     first = _turn(n * (plate.phi_commutation - 2.0 * plate.phi_seal))
     closing = _turn(0.5 * n * plate.phi_seal / _CLOSING)
     closed = _turn(n * plate.phi_seal / _CLOSED)
-    span_r, span_f = _span(plate, rise.needed, v_0, omega), _span(plate, fall.needed, v_0, omega)
-    grid_r = _Grid(first, closing, closed, _turn(0.5 * n * span_r / _OPENING), span_r)
-    grid_f = _Grid(first, closing, closed, _turn(0.5 * n * span_f / _OPENING), span_f)
+    # a chamber at its outer dead centre takes longer to fill than one at its inner to empty
+    span = _span(plate, rise.needed, v_0, omega)
+    grid = _Grid(first, closing, closed, _turn(0.5 * n * span / _OPENING), span)
+    filled, emptied = _chamber(plate, rise, swing, arm, v_0, omega), _chamber(plate, fall, swing, arm, v_0, omega)
     # first guess: both changes at once, early in the opening of the port, spread as widely as the seal
-    z = _turn(-n * (plate.phi_commutation + plate.phi_seal + 0.2 * span_r))
+    z = _turn(-n * (plate.phi_commutation + plate.phi_seal + 0.2 * span))
     g, z_2, both = math.exp(-0.5 * (n * plate.phi_seal) ** 2), z * z, 1.0 + turned
     g_4 = g * g * g * g
     w = Harmonics(
         a_1 * (both * g * z), a_2 * (2.0 * g_4 * z_2), a_3 * (both * g_4 * g_4 * g * z * z_2),
         a_4 * (2.0 * g_4 * g_4 * g_4 * g_4 * z_2 * z_2),
     )  # fmt: skip
-    rising = falling = begun = 0.0
+    rising = falling = shut_r = shut_f = 0.0
     before, news_before = w, w
     for k in range(_ROUNDS):
-        rising, shut_r, r = _change(plate, rise, grid_r, w, n, swing, arm, v_0, omega)
-        seen = Harmonics(turned * w.h_1, w.h_2, turned * w.h_3, w.h_4)
-        falling, shut_f, f = _change(plate, fall, grid_f, seen, n, swing, arm, v_0, omega)
-        begun = rise.needed * shut_r + fall.needed * shut_f
-        news = Harmonics(
-            a_1 * (r.h_1 + turned * f.h_1) - w.h_1,
-            a_2 * (r.h_2 + f.h_2) - w.h_2,
-            a_3 * (r.h_3 + turned * f.h_3) - w.h_3,
-            a_4 * (r.h_4 + f.h_4) - w.h_4,
-        )
+        rising, falling, shut_r, shut_f, m = _changes(plate, filled, emptied, grid, w, n, turned)
+        news = Harmonics(a_1 * m.h_1 - w.h_1, a_2 * m.h_2 - w.h_2, a_3 * m.h_3 - w.h_3, a_4 * m.h_4 - w.h_4)
         following = _sum(w, _RELAXATION, news)
         if k > 0:
             # two rounds show where the news would vanish (Anderson's method of depth one)
@@ -334,7 +381,8 @@ def commutations(
             following = _sum(following, -back, _sum(_sum(w, -1.0, before), _RELAXATION, less))
         before, news_before, w = w, news, following
     shut = _turn(n * (plate.phi_commutation - plate.phi_seal))
-    drawn = begun + arm * _tilted(w, shut, turned, n * omega)
+    drawn = rise.needed * _fluid_share(rise.bend, shut_r) + fall.needed * _fluid_share(fall.bend, shut_f)
+    drawn += arm * _tilted(w, shut, turned, n * omega)
     p_1, p_2 = w.h_1 * _fluid(support, n * omega), w.h_2 * _fluid(support, 2.0 * n * omega)
     p_3, p_4 = w.h_3 * _fluid(support, 3.0 * n * omega), w.h_4 * _fluid(support, 4.0 * n * omega)
     power = p_1.real**2 + p_1.imag**2 + p_2.real**2 + p_2.imag**2
