@@ -166,9 +166,7 @@ def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
     capacity = relative_compressibility(medium, P_c + dP_ctrl) * pump.volumes.control
     J = pump.swashplate.J + carried_inertia(servo, t)
     stiffness = servo.k_rate * servo.L_rate**2 * (1.0 + t * t) ** 2
-    support = Support(
-        J, pump.swashplate.damping, stiffness, stroking_arm(servo, t), capacity, conductance, share
-    )
+    support = Support(J, pump.swashplate.damping, stiffness, stroking_arm(servo, t), capacity, conductance, share)
     swing, arm = 0.5 * (V_max - V_min), volume_by_tilt(piston, t, 1.0)
     return commutations(port, support, rise, fall, piston.n, swing, arm, dP, v_0, omega)
 

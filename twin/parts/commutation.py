@@ -145,15 +145,13 @@ def _centre(a: float, b: float, r_0: float, r_1: float) -> float:
 def _chamber(plate: PortPlate, change: Change, swing: float, arm: float, v_0: float, omega: float) -> _Chamber:
     per = 1.0 / ((1.0 + change.bend) * change.needed * omega)
     port = 0.5 * plate.C_q * plate.A_port * v_0 * per
-    return _Chamber(
-        swing * omega * per, change.leak * per, arm * per, port, change.leak_start, change.bend, change.low
-    )
+    return _Chamber(swing * omega * per, change.leak * per, arm * per, port, change.leak_start, change.bend, change.low)
 
 
 @compiled
-def _moved(c: _Chamber, p: float, sine: float, rate: float, d: float) -> float:
-    """Share that turning, leakage and tilting move in a substep of angle d; leakage as in its middle."""
-    return (c.turned * sine + c.leak * (c.leak_start - p) - c.tilted * rate) * d / (1.0 + 0.5 * c.leak * d)
+def _moved(c: _Chamber, p: float, sine: float, rate: float) -> float:
+    """Share that turning, leakage and tilting move [1/rad]."""
+    return c.turned * sine + c.leak * (c.leak_start - p) - c.tilted * rate
 
 
 @compiled
@@ -216,7 +214,7 @@ def _changes(
     """
     first = plate.phi_commutation - plate.phi_seal
     last = plate.phi_commutation + plate.phi_seal
-    ramp = plate.phi_ramp
+    ramp, per_ramp = plate.phi_ramp, 1.0 / plate.phi_ramp
     p = q = rising = falling = shut_p = shut_q = 0.0
     m_1 = m_2 = m_3 = m_4 = complex(0.0, 0.0)
     boundary, phi = grid.first, first - plate.phi_seal
@@ -229,24 +227,26 @@ def _changes(
             count, half, d = _OPENING, grid.opening, grid.span / _OPENING
         z, whole = boundary * half, half * half
         phi += 0.5 * d
+        # leakage as in the middle of a substep
+        d_p, d_q = d / (1.0 + 0.5 * rise.leak * d), d / (1.0 + 0.5 * fall.leak * d)
         for k in range(count):
             z_2 = z * z
             z_3, z_4 = z * z_2, z_2 * z_2
             odd, even = (w.h_1 * z + w.h_3 * z_3).real, (w.h_2 * z_2 + w.h_4 * z_4).real
             # the sine by its series: within 1e-5 here
             sine = phi - phi * phi * phi / 6.0
-            moved_p = _moved(rise, p, sine, even + odd, d)
-            moved_q = _moved(fall, q, sine, even + turned * odd, d)
+            moved_p = d_p * _moved(rise, p, sine, even + odd)
+            moved_q = d_q * _moved(fall, q, sine, even + turned * odd)
             late_p = late_q = 0.0
             if stretch == 0:
-                u = (first - phi) / ramp
+                u = (first - phi) * per_ramp
                 open_angle = d * u * u * (3.0 - 2.0 * u)
                 dp = _while_closing(rise, p, moved_p, open_angle, k == 0)
                 dq = _while_closing(fall, q, moved_q, open_angle, k == 0)
             elif stretch == 1:
                 dp, dq = _while_closed(rise, p, moved_p), _while_closed(fall, q, moved_q)
             else:
-                u_a, u_b, middle = k * d / ramp, (k + 1.0) * d / ramp, phi - last
+                u_a, u_b, middle = k * d * per_ramp, (k + 1.0) * d * per_ramp, phi - last
                 dp, late_p = _while_opening(rise, p, moved_p, u_a, u_b, ramp, middle)
                 dq, late_q = _while_opening(fall, q, moved_q, u_a, u_b, ramp, middle)
             p += dp
