@@ -61,8 +61,7 @@ def fold_from(content: bytes, pump: PumpType, circuit: Circuit, thresholds: Mapp
     digest = content[len(_MAGIC) : len(_MAGIC) + _DIGEST]
     if not content.startswith(_MAGIC) or hashlib.sha256(body).digest() != digest:
         raise ValueError("these bytes are no snapshot of this format, or they are damaged")
-    kind = tuple[_carried_type(), dict[str, int], dict[str, AnyArray], list[tuple[Measurement, ...]]]  # type: ignore[misc]
-    carried, numbers, arrays, learnt = packing.unpacked(kind, zlib.decompress(body))
+    carried, numbers, arrays, learnt = packing.unpacked(_packed_type(), zlib.decompress(body))
     if {*numbers, *arrays} != {*_bank_fields()}:
         raise ValueError("this snapshot is of a bank with other fields")
     fold = Fold(pump, circuit, thresholds)
@@ -96,9 +95,11 @@ def _carried_fields() -> tuple[str, ...]:
 
 
 @cache
-def _carried_type() -> Any:
+def _packed_type() -> Any:
+    """What is packed: fields of the fold, numbers and arrays of its bank by name, and what was learnt."""
     hints = get_type_hints(Fold)
-    return tuple[tuple(hints[name] for name in _carried_fields())]  # type: ignore[misc]
+    carried = tuple.__class_getitem__(tuple(hints[name] for name in _carried_fields()))
+    return tuple[carried, dict[str, int], dict[str, AnyArray], list[tuple[Measurement, ...]]]  # type: ignore[valid-type]
 
 
 @cache
