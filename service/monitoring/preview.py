@@ -89,7 +89,7 @@ def compared(
     now = thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
     then = knowledge(session, pump, archive, candidate=Candidate(scope, values))
     points = points_of(session, pump.id)
-    others = _points_with(then)
+    others = _points_with(session, then)
     before, after = lives(points, (), rules_of(now.values)), lives(others, (), rules_of(then.thresholds.values))
     first = [alarms[0].raised_at if alarms else None for alarms in (before, after)]
     findings = entries(session, Finding, pump.id)
@@ -132,12 +132,11 @@ def totals(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _points_with(found: Knowledge) -> list[Point]:
+def _points_with(session: Session, found: Knowledge) -> list[Point]:
     """The pump's points as the candidate would have them."""
-    flights = {p.observation.record_id: p.observation.flight_id for p in found.known.placed}
-    return [
-        point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0), flights[a.record_id]) for a in fold(found.known)
-    ]
+    flights = {p.outline.record_id: p.outline.flight_id for p in found.known.placed}
+    assessments = fold(found.known, found.observations(session))
+    return [point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0), flights[a.record_id]) for a in assessments]
 
 
 def _meets(alarm: Life, others: Sequence[Life]) -> bool:

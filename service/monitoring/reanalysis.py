@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from service.database import Database
 from service.errors import Problem
+from service.monitoring.analysis import keep_analysis
 from service.monitoring.archive import Archive
 from service.monitoring.knowledge import knowledge
 from service.monitoring.refold import REPROCESSED, Cause, refold
@@ -117,10 +118,9 @@ def reprocessed(
             pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
             before = _states(session, pump_id)
             for row in session.scalars(select(Record).where(Record.id.in_(anew), Record.status == ANALYSED)):
-                analysis = anew[row.id]
-                row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
+                keep_analysis(row, anew[row.id])
             session.flush()
-            refold(session, pump, archive, cause)
+            refold(session, pump, archive, cause, from_scratch=cause is REPROCESSED)
             found.append(_change(pump, before, _states(session, pump_id)))
             if dry_run:
                 raise _UndoneError

@@ -15,11 +15,13 @@ from service.tables.records import (
     SUPERSEDED,
     WITHDRAWN,
     Record,
+    ReductionOutline,
     Refusal,
     StoredAssessment,
 )
 from service.tables.registry import Aircraft, Pump, ReferenceCurve, RegistryVersion
-from service.tables.thresholds import ThresholdVersion
+from service.tables.snapshots import FoldSnapshot
+from service.tables.thresholds import ThresholdPin, ThresholdVersion
 
 __all__ = [
     "ANALYSED",
@@ -43,6 +45,7 @@ __all__ = [
     "Entry",
     "FailedSignIn",
     "Finding",
+    "FoldSnapshot",
     "Installation",
     "Job",
     "JobItem",
@@ -51,12 +54,14 @@ __all__ = [
     "OperatorSettings",
     "Pump",
     "Record",
+    "ReductionOutline",
     "ReferenceCurve",
     "Refusal",
     "RegistryVersion",
     "SignedIn",
     "StoredAssessment",
     "StoredMapping",
+    "ThresholdPin",
     "ThresholdVersion",
     "User",
     "UtcDateTime",

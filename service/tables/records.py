@@ -1,10 +1,13 @@
 """Uploads, what the analysis made of them, and those that were refused."""
 
+import hashlib
+import json
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 from sqlalchemy import ForeignKey, Index, text
-from sqlalchemy.orm import Mapped, mapped_column
+from sqlalchemy.orm import Mapped, mapped_column, validates
 
 from service.tables.base import Base
 
@@ -15,6 +18,25 @@ SUPERSEDED = "superseded"
 WITHDRAWN = "withdrawn"
 
 
+@dataclass(frozen=True, slots=True)
+class ReductionOutline:
+    """A stored reduction in short: SHA-256 of its canonical JSON, an accepted zero-flow window, a spectrum."""
+
+    digest: str
+    has_zero_flow: bool
+    has_spectrum: bool
+
+    @classmethod
+    def of(cls, reduction: dict[str, Any]) -> "ReductionOutline":
+        """Outline of a reduction as it is stored."""
+        canonical = json.dumps(reduction, sort_keys=True, separators=(",", ":"))
+        return cls(
+            digest=hashlib.sha256(canonical.encode()).hexdigest(),
+            has_zero_flow=any(w["accepted"] and w["kind"] == "zero_flow" for w in reduction.get("windows", ())),
+            has_spectrum=reduction.get("spectrum") is not None,
+        )
+
+
 class Record(Base):
     """One upload: its identity, where it belongs, and what the analysis made of it.
 
@@ -23,7 +45,8 @@ class Record(Base):
     itself names. At most one record that counts may stand for a flight, pump and segment; one that was superseded or
     withdrawn counted until ``ended_at``. ``raw_removed_at`` is when the retention took
     the bytes, ``reduced_with`` names everything that reduction and residuals depend on
-    besides the bytes.
+    besides the bytes. ``reduction_digest``, ``has_zero_flow`` and ``has_spectrum`` are what the fold needs of a reduction
+    that it does not read; they follow every reduction that is assigned, and are empty on rows older than they.
     """
 
     __tablename__ = "records"
@@ -67,10 +90,24 @@ class Record(Base):
     reduced_with: Mapped[str | None]
     reduction: Mapped[dict[str, Any] | None]
     residuals: Mapped[dict[str, Any] | None]
+    reduction_digest: Mapped[str | None]
+    has_zero_flow: Mapped[bool | None]
+    has_spectrum: Mapped[bool | None]
+
+    @validates("reduction")
+    def _outlined(self, _name: str, reduction: dict[str, Any] | None) -> dict[str, Any] | None:
+        outline = None if reduction is None else ReductionOutline.of(reduction)
+        self.reduction_digest = outline.digest if outline else None
+        self.has_zero_flow = outline.has_zero_flow if outline else None
+        self.has_spectrum = outline.has_spectrum if outline else None
+        return reduction
 
 
 class StoredAssessment(Base):
-    """The fold's answer right after one record, and where the pump sat; rewritten when an earlier record arrives."""
+    """The fold's answer right after one record, and where the pump sat; rewritten when an earlier record arrives.
+
+    ``chain`` names everything that it was folded from (``service.monitoring.chain``); empty on rows older than chains.
+    """
 
     __tablename__ = "assessments"
     __table_args__ = (Index("ix_assessments_pump_id_at", "pump_id", "at"),)
@@ -83,6 +120,7 @@ class StoredAssessment(Base):
     state: Mapped[str]
     trend: Mapped[dict[str, Any]]
     verdict: Mapped[dict[str, Any]]
+    chain: Mapped[str | None]
 
 
 class Refusal(Base):
