@@ -41,6 +41,7 @@ def ask_for(context: Context, asker: Principal, kind_name: str, operator: str | 
     except ValidationError as error:
         faults = [Fault(".".join(("parameters", *map(str, e["loc"]))), e["msg"]) for e in error.errors()]
         raise Invalid(f"the parameters have {len(faults)} fault(s)", faults) from None
+    asker.require(kind.role_for(parameters))
     with context.database.writing() as session:
         complete = kind.prepared(session, parameters, operator).model_dump(mode="json")
         job = store.same_waiting(session, kind.name, operator, asker.owner, complete)

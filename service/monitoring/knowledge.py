@@ -28,7 +28,7 @@ from service.tables import (
     ReductionOutline,
     RegistryVersion,
 )
-from service.threshold_layers import Candidate, Effective
+from service.threshold_layers import Effective
 from twin.pumps import pump_type
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
@@ -66,8 +66,8 @@ def knowledge(
     pump: Pump,
     archive: Archive,
     known_at: datetime | None = None,
-    candidate: Candidate | None = None,
     *,
+    thresholds: Effective | None = None,
     reduce_anew: bool = False,
     pump_type_name: str | None = None,
 ) -> Knowledge:
@@ -78,8 +78,8 @@ def knowledge(
     known_at
         Instant whose knowledge counts; None for now. Records that were superseded or withdrawn later count again,
         and so do entries, thresholds and registry values of that time.
-    candidate
-        Thresholds that stand in for those of one layer; None for the stored ones alone.
+    thresholds
+        Thresholds that stand in for the pump's own; None for its own.
     reduce_anew
         Read every record again from its raw bytes, where they are kept.
     pump_type_name
@@ -88,7 +88,7 @@ def knowledge(
     rows = session.execute(select(*_LIGHT).where(*_counting(pump.id, known_at))).all()
     kind, registered = _kind(session, pump, rows, known_at)
     kind = pump_type_name or kind
-    thresholds = thresholds_of(session, pump.operator, pump.serial, kind, known_at, candidate)
+    thresholds = thresholds or thresholds_of(session, pump.operator, pump.serial, kind, known_at)
     intervals = installation_intervals(session, pump.id, known_at)
     placed, anew = [], {}
     aircraft: dict[str, Mapping[str, Any]] = {}

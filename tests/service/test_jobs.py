@@ -130,7 +130,8 @@ def test_a_dry_run_shows_what_would_change_and_changes_nothing(
     database = client.app.state.context.database  # type: ignore[attr-defined]
     with database.writing() as session:
         for row in session.scalars(select(StoredAssessment)):
-            row.state = "healthy_by_an_older_twin"
+            row.verdict = {**row.verdict, "state": "healthy_by_an_older_twin"}
+            row.state = row.verdict["state"]
     for dry_run, left in ((True, 4), (False, 0)):
         wanted = {"kind": "reprocess", "parameters": {"dry_run": dry_run, "only": "verdicts"}}
         job = finished(client, client.post(f"{API}/jobs", json=wanted).json()["id"])
