@@ -48,7 +48,9 @@ def ask_for(context: Context, asker: Principal, kind_name: str, operator: str | 
         if job is not None:
             return job
         job = store.new_job(session, kind.name, operator, asker.owner, complete)
-        audit.note(session, asker, "job.start", f"job/{job.id}", operator, {"kind": kind.name})
+        shown = {k: v for k, v in complete.items() if k not in kind.internal and v is not None}
+        details = {"kind": kind.name, "parameters": shown}
+        audit.note(session, asker, "job.start", f"job/{job.id}", operator, details)
     try:
         engine.submit(job.id)
     except Unavailable:
