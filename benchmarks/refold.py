@@ -1,4 +1,4 @@
-"""Cost of the n-th upload's refold, with snapshots and from the first record on, on an SQLite file.
+"""Cost of the n-th upload's refold, with snapshots and from the first record on, on an SQLite file, one core.
 
 ``python -m benchmarks.refold`` writes ``benchmarks/results/refold.json``. Reading and reducing the upload is not counted;
 what is: gathering what is known of the pump, the fold, storing assessments and snapshots, bringing alarms in line, and
@@ -35,15 +35,15 @@ from service.tables import ANALYSED, FoldSnapshot, Pump, Record
 from twin.pumps import pump_type
 from twin.version import twin_version
 
-SIZES, REPEATS = (100, 1000), 5
+SIZES, REPEATS, LATE_BY = (100, 1000), 5, 20
 
 
-def _history(n: int) -> Sequence[Observation]:
+def _history(n: int) -> list[Observation]:
     """One pump whose leakage grows: faults cost hypotheses."""
     kind, circuit, rng = pump_type("h225"), Setting().circuit_parameters, seed_of(1, "refold")
     flown = n + n // 4  # some drop out
     flights = fleet(REALITIES[0], kind, circuit, rng, 1, flown, Growing(LEAKS, 0.6).courses(1, flown, 0))
-    return histories(flights, kind, Sensing(), rng)[0].observations[:n]
+    return list(histories(flights, kind, Sensing(), rng)[0].observations)[:n]
 
 
 def _add(context: Context, observations: Sequence[Observation], key: str) -> None:
@@ -76,15 +76,16 @@ def _add(context: Context, observations: Sequence[Observation], key: str) -> Non
 
 def _refolded(context: Context, *, from_scratch: bool) -> float:
     """Milliseconds of one refold with its commit."""
-    start = time.perf_counter()
+    start = time.process_time()
     with context.database.writing() as session:
         refold(session, session.scalars(select(Pump)).one(), context.archive, from_scratch=from_scratch)
-    return 1e3 * (time.perf_counter() - start)
+    return 1e3 * (time.process_time() - start)
 
 
 def measured(n: int) -> dict[str, Any]:
-    """The upload of record n and of the few after it: one by one with snapshots, then the last again from scratch."""
+    """The upload of record n and of the few after it, one by one; then some that come late; then all from scratch."""
     observations = _history(n + REPEATS)
+    late = [observations.pop(n - LATE_BY) for _ in range(REPEATS)] if n > 2 * LATE_BY else []
     with tempfile.TemporaryDirectory() as folder:
         settings = Settings(data_dir=Path(folder), database_url="", auth="off")
         upgrade(settings.effective_database_url)
@@ -95,12 +96,14 @@ def measured(n: int) -> dict[str, Any]:
             )
             session.flush()
             key = analysis_key("h225", Setting(), thresholds_of(session, "default", "P-1", "h225"))
-        _add(context, observations[: n - 1], key)
+        first, last = observations[:-REPEATS], observations[-REPEATS:]
+        _add(context, first, key)
         _refolded(context, from_scratch=True)
-        appended = []
-        for observation in observations[n - 1 :]:
-            _add(context, [observation], key)
-            appended.append(_refolded(context, from_scratch=False))
+        appended, inserted = [], []
+        for found, group in ((appended, last), (inserted, late)):
+            for observation in group:
+                _add(context, [observation], key)
+                found.append(_refolded(context, from_scratch=False))
         whole = [_refolded(context, from_scratch=True) for _ in range(REPEATS)]
         with context.database.reading() as session:
             kept = [len(content) for content in session.scalars(select(FoldSnapshot.content))]
@@ -109,6 +112,7 @@ def measured(n: int) -> dict[str, Any]:
     return {
         "records": n,
         "with_snapshots_ms": round(median(appended), 1),
+        f"with_snapshots_late_by_{LATE_BY}_ms": round(median(inserted), 1) if inserted else None,
         "from_the_first_record_ms": round(median(whole), 1),
         "snapshots": len(kept),
         "snapshot_bytes": int(median(kept)),
@@ -124,6 +128,7 @@ def main() -> None:
         {
             "twin": twin_version(pump_type("h225")),
             "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
+            "clock": "processor time of one process; a load above 1 when it starts means company that slows it down",
             "load_at_start": round(os.getloadavg()[0], 1),
             "sizes": [measured(n) for n in SIZES],
         },

@@ -2,8 +2,10 @@
 
 import sqlalchemy as sa
 from alembic import op
+from sqlalchemy.dialects import postgresql
 
 INSTANT = sa.DateTime(timezone=True)
+DOCUMENT = sa.JSON().with_variant(postgresql.JSONB(), "postgresql")
 
 revision = "0005"
 down_revision = "0004"
@@ -19,6 +21,9 @@ def upgrade() -> None:
         batch_op.add_column(sa.Column("has_spectrum", sa.Boolean(), nullable=True))
     with op.batch_alter_table("assessments", schema=None) as batch_op:
         batch_op.add_column(sa.Column("chain", sa.String(), nullable=True))
+        batch_op.add_column(sa.Column("side", sa.String(), nullable=True))
+        batch_op.add_column(sa.Column("candidates", DOCUMENT, nullable=True))
+        batch_op.add_column(sa.Column("case_flow_lpm", sa.Float(), nullable=True))
     op.create_table(
         "fold_snapshots",
         sa.Column("id", sa.Integer(), nullable=False),
@@ -51,6 +56,9 @@ def downgrade() -> None:
     op.drop_table("threshold_pins")
     op.drop_table("fold_snapshots")
     with op.batch_alter_table("assessments", schema=None) as batch_op:
+        batch_op.drop_column("case_flow_lpm")
+        batch_op.drop_column("candidates")
+        batch_op.drop_column("side")
         batch_op.drop_column("chain")
     with op.batch_alter_table("records", schema=None) as batch_op:
         batch_op.drop_column("has_spectrum")

@@ -5,7 +5,6 @@ and snapshots carry their link, so that whether they still hold is seen and need
 """
 
 import hashlib
-import json
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -57,7 +56,8 @@ def _between(known: Known, a: PlacedRecord, b: PlacedRecord) -> list[tuple[str, 
 
 
 def _link(*parts: Any) -> str:
-    return hashlib.sha256(json.dumps(parts, separators=(",", ":")).encode()).hexdigest()
+    # tuples of texts, truth values and None: their repr is unambiguous, the same everywhere, and quick
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
 
 
 @cache

@@ -18,6 +18,7 @@ from service.tables.records import (
     ReductionOutline,
     Refusal,
     StoredAssessment,
+    case_flow_of,
 )
 from service.tables.registry import Aircraft, Pump, ReferenceCurve, RegistryVersion
 from service.tables.snapshots import FoldSnapshot
@@ -67,4 +68,5 @@ __all__ = [
     "UtcDateTime",
     "VerdictRevision",
     "Webhook",
+    "case_flow_of",
 ]

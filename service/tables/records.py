@@ -106,7 +106,9 @@ class Record(Base):
 class StoredAssessment(Base):
     """The fold's answer right after one record, and where the pump sat; rewritten when an earlier record arrives.
 
-    ``chain`` names everything that it was folded from (``service.monitoring.chain``); empty on rows older than chains.
+    ``chain`` names everything that it was folded from (``service.monitoring.chain``). ``side``, ``candidates`` and
+    ``case_flow_lpm`` (at the reference condition) repeat what alarms need of every verdict of a history; they follow every
+    verdict that is assigned. All four are empty on rows older than they.
     """
 
     __tablename__ = "assessments"
@@ -121,6 +123,22 @@ class StoredAssessment(Base):
     trend: Mapped[dict[str, Any]]
     verdict: Mapped[dict[str, Any]]
     chain: Mapped[str | None]
+    side: Mapped[str | None]
+    candidates: Mapped[list[Any] | None]
+    case_flow_lpm: Mapped[float | None]
+
+    @validates("verdict")
+    def _repeated(self, _name: str, verdict: dict[str, Any]) -> dict[str, Any]:
+        self.side, self.candidates = verdict["side"], list(verdict["candidates"])
+        self.case_flow_lpm = case_flow_of(verdict)
+        return verdict
+
+
+def case_flow_of(verdict: dict[str, Any]) -> float | None:
+    """Case flow at the reference condition of a verdict as it is stored; None where it has no estimate."""
+    estimate = (verdict.get("estimates") or {}).get("case_flow_at_reference_lpm") or {}
+    mean: float | None = estimate.get("mean")
+    return mean
 
 
 class Refusal(Base):

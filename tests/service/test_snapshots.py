@@ -11,6 +11,7 @@ from sqlalchemy import select
 from structlog.testing import capture_logs
 
 from detectors.observation import Observation
+from service.alarms.ledger import points_of
 from service.app import create_app, opened
 from service.context import Context
 from service.monitoring import knowledge
@@ -40,7 +41,8 @@ def flights() -> Sequence[Observation]:
 def assessments(context: Context) -> list[tuple[Any, ...]]:
     """Every stored assessment with everything that it says."""
     row = StoredAssessment
-    columns = (row.record_id, row.at, row.state, row.trend, row.verdict, row.chain, row.aircraft, row.position)
+    says = (row.record_id, row.at, row.state, row.trend, row.verdict, row.chain)
+    columns = (*says, row.aircraft, row.position, row.side, row.candidates, row.case_flow_lpm)
     with context.database.reading() as session:
         return [tuple(found) for found in session.execute(select(*columns).order_by(row.at, row.record_id))]
 
@@ -161,12 +163,15 @@ def test_histories_older_than_snapshots_are_taken_over(context: Context, flights
     store(context, flights[:12], SERIAL, OPERATOR)
     stored = assessments(context)
     with context.database.writing() as session:
+        points = points_of(session, locked(session, SERIAL, OPERATOR).id)
         for row in session.scalars(select(FoldSnapshot)):
             session.delete(row)
         for record in session.scalars(select(Record)):
             record.reduction_digest = record.has_zero_flow = record.has_spectrum = None
         for assessment in session.scalars(select(StoredAssessment)):
-            assessment.chain = None
+            assessment.chain = assessment.side = assessment.candidates = assessment.case_flow_lpm = None
+        session.flush()
+        assert points_of(session, locked(session, SERIAL, OPERATOR).id) == points
     again(context)
     assert assessments(context) == stored
     assert set(kept(context)) == wanted(12)
