@@ -1,6 +1,6 @@
 """The pure fold: from a pump's history to its verdicts, one per observation in event order."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
@@ -11,6 +11,7 @@ from detectors import wording
 from detectors.anchor import anchors, reference_condition
 from detectors.estimates import estimates
 from detectors.filter_bank import SPAWN_EVERY, Bank, Measurement
+from detectors.flights import Roles, outline_of, roles_of
 from detectors.isolation import Alarm, Decision, Evidence, decided, evidence, secondary
 from detectors.measurement import Measured, measured_windows
 from detectors.observation import History, Maintenance, Observation, Residual
@@ -50,62 +51,25 @@ def assess(
         once: its main record where that has a zero-flow window, else its first segment that has one.
     """
     observations = sorted(history.observations, key=lambda o: (o.at, o.record_id))
-    counted = _counted(observations)
-    bursts = _bursts(observations, counted)
-    measured = measured_windows([o for o in observations if o.record_id in counted], bursts, pump, circuit)
-    supplements = {burst: m for found in measured.values() for burst, m in found.supplements.items()}
-    fold = _Fold(pump, circuit, thresholds)
-    assessments = []
-    previous: Observation | None = None
-    for observation in observations:
-        if previous is not None:
-            fold.pass_over(previous, observation, history)
-        previous = observation
-        fold.rejected += sum(not w.accepted for w in observation.reduction.windows)
-        found = measured.get(observation.record_id)
-        trend: dict[str, Estimate] = {}
-        if found is not None:
-            fold.learn(observation, found)
-            trend = _measured_trend(observation, found.residuals)
-        elif observation.record_id in supplements:
-            fold.supplement(supplements[observation.record_id])
-        verdict = fold.conclude(observation)
-        if trend:
-            known = {*verdict.minimum_detectable, "case_flow_at_reference_lpm"}
-            trend |= {name: value for name, value in verdict.estimates.items() if name in known}
-        assessments.append(Assessment(observation.record_id, observation.at, trend, verdict))
-    return tuple(assessments)
+    roles = roles_of([outline_of(o) for o in observations])
+    return tuple(Fold(pump, circuit, thresholds).continued(observations, roles, history))
 
 
-def _counted(observations: list[Observation]) -> set[str]:
-    """Records that stand for their flight."""
-    best: dict[tuple[str, str, str], Observation] = {}
-    for observation in observations:
-        if observation.reduction.zero_flow is None:
-            continue
-        key = (observation.aircraft, observation.position, observation.flight_id)
-        held = best.get(key)
-        if held is None or (held.segment is not None and observation.segment is None):
-            best[key] = observation
-    return {o.record_id for o in best.values()}
+@dataclass(frozen=True, slots=True)
+class Latest:
+    """Where the observation that was taken last stands."""
 
-
-def _bursts(observations: list[Observation], counted: set[str]) -> dict[str, list[Observation]]:
-    """Later records of a flight that hold a spectrum, by the record that stands for the flight."""
-    stands: dict[tuple[str, str, str], Observation] = {}
-    found: dict[str, list[Observation]] = {}
-    for observation in observations:
-        key = (observation.aircraft, observation.position, observation.flight_id)
-        if observation.record_id in counted:
-            stands[key] = observation
-        elif observation.reduction.spectrum is not None and key in stands:
-            found.setdefault(stands[key].record_id, []).append(observation)
-    return found
+    at: datetime
+    aircraft: str
+    position: str
 
 
 @dataclass(slots=True)
-class _Fold:
-    """What is carried from one observation to the next; changed in place, never shared."""
+class Fold:
+    """What is carried from one observation to the next; changed in place, never shared.
+
+    ``detectors.snapshot`` packs it between two observations, so that a later fold can begin there.
+    """
 
     pump: PumpType
     circuit: Circuit
@@ -120,13 +84,56 @@ class _Fold:
     without_zero: int = 0
     without_reservoir: int = 0
     supplemented: bool = False
+    latest: Latest | None = None
 
     def __post_init__(self) -> None:
         """Start with an unknown pump of the type."""
         self.bank = Bank(self.pump)
         self.reference = anchors([reference_condition(self.pump)], self.pump, self.circuit)[0][0]
 
-    def pass_over(self, previous: Observation, observation: Observation, history: History) -> None:
+    def continued(
+        self, observations: Sequence[Observation], roles: Roles, history: History, earlier: Sequence[Observation] = ()
+    ) -> Iterator[Assessment]:
+        """Take what follows, one assessment per observation.
+
+        Parameters
+        ----------
+        observations
+            Those after the ones that were taken already, in event order.
+        roles
+            Roles of these records and of those before, together.
+        history
+            Maintenance and installations count; its observations are not looked at.
+        earlier
+            Of the observations that were taken already those that later bursts add to.
+        """
+        bursts: dict[str, list[Observation]] = {}
+        for observation in observations:
+            if observation.record_id in roles.adds_to:
+                bursts.setdefault(roles.adds_to[observation.record_id], []).append(observation)
+        judged = [*earlier, *(o for o in observations if o.record_id in roles.counted)]
+        measured = measured_windows(judged, bursts, self.pump, self.circuit)
+        supplements = {burst: m for found in measured.values() for burst, m in found.supplements.items()}
+        for observation in observations:
+            if self.latest is not None:
+                self.pass_over(self.latest, observation, history)
+            self.latest = Latest(observation.at, observation.aircraft, observation.position)
+            self.rejected += sum(not w.accepted for w in observation.reduction.windows)
+            found = measured.get(observation.record_id)
+            trend: dict[str, Estimate] = {}
+            if found is not None:
+                self.learn(observation, found)
+                trend = _measured_trend(observation, found.residuals)
+            elif observation.record_id in supplements and self.bank.learnt:
+                # without anything learnt its flight lies before a reset, and its lines belong to what was forgotten
+                self.supplement(supplements[observation.record_id])
+            verdict = self.conclude(observation)
+            if trend:
+                known = {*verdict.minimum_detectable, "case_flow_at_reference_lpm"}
+                trend |= {name: value for name, value in verdict.estimates.items() if name in known}
+            yield Assessment(observation.record_id, observation.at, trend, verdict)
+
+    def pass_over(self, previous: Latest, observation: Observation, history: History) -> None:
         """What happened between two records: an installation starts anew, maintenance resets what it touches."""
         moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
         if moved or any(previous.at < t <= observation.at for t in history.installed_at):

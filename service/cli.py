@@ -158,11 +158,21 @@ def reprocess(
     pump_type: Annotated[str | None, typer.Option(help="Only this pump type")] = None,
     operator: Annotated[str | None, typer.Option(help="Only this operator")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Show what would change, change nothing")] = False,
+    only_verdicts: Annotated[bool, typer.Option("--only-verdicts", help="Fold the stored windows")] = False,
+    threshold_version: Annotated[int | None, typer.Option(help="Thresholds as of this version number")] = None,
+    twin_version: Annotated[str | None, typer.Option(help="Twin to judge with, as verdicts name it")] = None,
     url: Url = "http://127.0.0.1:8000",
     key: Key = None,
 ) -> None:
-    """Reduce records and fold pumps anew with today's twin and thresholds; prints the verdicts that differ."""
-    parameters = {"pump": pump, "pump_type": pump_type, "dry_run": dry_run}
+    """Reduce records and fold pumps anew with today's versions or others; prints verdicts and alarms that differ."""
+    parameters = {
+        "pump": pump,
+        "pump_type": pump_type,
+        "dry_run": dry_run,
+        "only": "verdicts" if only_verdicts else "everything",
+        "threshold_version": threshold_version,
+        "twin_version": twin_version,
+    }
     try:
         with Client(url, key) as client, Progress(console=complaints, transient=True) as bar:
             task = bar.add_task("reprocessing", total=None)
@@ -182,6 +192,10 @@ def reprocess(
             continue
         words = f"{item['pump']} ({item['operator']}): {item['changed']} of {item['records']} verdicts differ"
         console.print(f"{words}; {item['state_before']} -> {item['state_after']}", highlight=False, markup=False)
+        for what in ("gained", "lost"):
+            for alarm in item["alarms"][what]:
+                line = f"  alarm {what}: {alarm['verdict_state']}, {alarm['priority']}, raised {alarm['raised_at']}"
+                console.print(line, highlight=False, markup=False)
     if job["status"] != "succeeded":
         raise failure(f"the job is {job['status']}: {(job['problem'] or {}).get('detail', 'see its items')}")
 

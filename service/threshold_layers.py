@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from sqlalchemy import ColumnElement, func, select, text
+from sqlalchemy import ColumnElement, and_, func, select, text
 from sqlalchemy.orm import Session
 
 from detectors.thresholds import KEYS, effective, threshold_faults
@@ -12,6 +12,7 @@ from service import audit
 from service.errors import Fault, Invalid, NotFound, PreconditionRequired, StaleVersion
 from service.security import Principal
 from service.tables import Pump, ThresholdVersion
+from service.threshold_pins import newest_number, pinned_version
 
 SCOPES: tuple[str, ...] = ("fleet", "pump-type", "operator", "pump")
 """Layers from the widest to the narrowest; the narrower wins."""
@@ -45,11 +46,15 @@ def pump_scopes(operator: str, serial: str, pump_type: str) -> tuple[Scope, ...]
     )
 
 
-def latest(session: Session, scope: Scope, known_at: datetime | None = None) -> ThresholdVersion | None:
-    """Newest version of one layer, of those that were known at an instant."""
+def latest(
+    session: Session, scope: Scope, known_at: datetime | None = None, up_to: int | None = None
+) -> ThresholdVersion | None:
+    """Newest version of one layer, of those that were known at an instant and of those up to a number."""
     query = select(ThresholdVersion).where(*_is(scope))
     if known_at is not None:
         query = query.where(ThresholdVersion.created_at <= known_at)
+    if up_to is not None:
+        query = query.where(ThresholdVersion.number <= up_to)
     return session.scalar(query.order_by(ThresholdVersion.number.desc()).limit(1))
 
 
@@ -72,13 +77,22 @@ def effective_thresholds(
     scopes: tuple[Scope, ...],
     known_at: datetime | None = None,
     candidate: Candidate | None = None,
+    up_to: int | None = None,
 ) -> Effective:
-    """Values of several layers laid over each other and over the defaults, now or as known at an instant."""
+    """Values of several layers laid over each other and over the defaults, now or as known at an instant.
+
+    ``up_to`` takes no version above a number. Without it a pump that is held at one (``service.threshold_pins``) has
+    that one's, unless a candidate for one of its layers would end that.
+    """
+    pump = next((scope for scope in scopes if scope.kind == "pump"), None)
+    if up_to is None and pump is not None and (candidate is None or candidate.scope not in scopes):
+        layers = [and_(*_is(scope)) for scope in scopes]
+        up_to = pinned_version(session, pump.operator, pump.id, layers, known_at)
     values: dict[str, float] = {}
     origin = {key.name: "default" for key in KEYS}
     version = 0
     for scope in scopes:
-        row = latest(session, scope, known_at)
+        row = latest(session, scope, known_at, up_to)
         if candidate is not None and candidate.scope == scope:
             values |= candidate.values
             origin |= dict.fromkeys(candidate.values, f"{scope.kind}/{scope.id}")
@@ -114,7 +128,7 @@ def put(
         faults.append(Fault("reason", "is empty: say why, whoever reads this in a year will ask"))
     if faults:
         raise Invalid(f"{len(faults)} fault(s) in the thresholds; nothing was changed", faults)
-    number = (session.scalar(select(func.max(ThresholdVersion.number))) or 0) + 1
+    number = newest_number(session) + 1
     row = ThresholdVersion(
         number=number,
         scope=scope.kind,

@@ -12,7 +12,7 @@ from service.alarms.life_cycle import PRIORITIES, QUIET, Action, Life, Point, li
 from service.alarms.reading import shown
 from service.database import Database
 from service.notifications.outbox import Event, announce
-from service.tables import Alarm, AlarmAction, Pump, Record, StoredAssessment
+from service.tables import Alarm, AlarmAction, Pump, Record, StoredAssessment, case_flow_of
 from service.threshold_layers import effective_thresholds, pump_scopes
 
 
@@ -63,6 +63,20 @@ def catch_up(database: Database) -> int:
 
 def points_of(session: Session, pump_id: int) -> list[Point]:
     """What alarms need of a pump's stored assessments, in event order."""
+    kept = StoredAssessment
+    columns = (kept.record_id, kept.at, Record.flight_id, kept.state, kept.side, kept.candidates, kept.case_flow_lpm)
+    query = select(*columns).join(Record, Record.id == kept.record_id).where(kept.pump_id == pump_id)
+    rows = session.execute(query.order_by(kept.at, kept.record_id)).all()
+    if any(row.side is None for row in rows):
+        return _points_of_verdicts(session, pump_id)
+    return [
+        Point(record_id, at, flight or record_id, state, side, tuple(candidates), case_flow)
+        for record_id, at, flight, state, side, candidates, case_flow in rows
+    ]
+
+
+def _points_of_verdicts(session: Session, pump_id: int) -> list[Point]:
+    """The same from whole verdicts, for a history that has not been folded since rows repeat what alarms need."""
     query = (
         select(StoredAssessment.record_id, StoredAssessment.at, StoredAssessment.verdict, Record.flight_id)
         .join(Record, Record.id == StoredAssessment.record_id)
@@ -72,9 +86,8 @@ def points_of(session: Session, pump_id: int) -> list[Point]:
     return [point_of(*row) for row in session.execute(query)]
 
 
-def point_of(record_id: str, at: datetime, verdict: Mapping[str, Any], flight_id: str | None) -> Point:
+def point_of(record_id: str, at: datetime, verdict: dict[str, Any], flight_id: str | None) -> Point:
     """One assessment, in the shape of the API, as alarms see it."""
-    flow = (verdict.get("estimates") or {}).get("case_flow_at_reference_lpm") or {}
     return Point(
         record_id=record_id,
         at=at,
@@ -82,7 +95,7 @@ def point_of(record_id: str, at: datetime, verdict: Mapping[str, Any], flight_id
         state=verdict["state"],
         side=verdict["side"],
         candidates=tuple(verdict["candidates"]),
-        case_flow_lpm=flow.get("mean"),
+        case_flow_lpm=case_flow_of(verdict),
     )
 
 

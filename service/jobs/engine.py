@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 import structlog
-from dbos import DBOS, DBOSConfig, SetWorkflowID
+from dbos import DBOS, DBOSConfig, SetWorkflowID, WorkflowStatus
 from sqlalchemy.engine import make_url
 
 from service.context import Context
@@ -192,7 +192,7 @@ def _watch(engine: _Engine) -> None:
         try:
             with engine.context.database.writing() as session:
                 store.note_heartbeat(session, list(engine.running))
-                found = store.orphans(session)
+                found = store.claimed_orphans(session)
             for job_id in found:
                 log.info("job looked after", job_id=job_id)
                 _take_up(job_id)
@@ -204,8 +204,15 @@ def _take_up(job_id: str) -> None:
     status = DBOS.get_workflow_status(job_id)
     if status is None:
         submit(job_id)
-    elif status.status != "ENQUEUED":  # who waits in the queue has not been forgotten
+    elif status.status != "ENQUEUED" and not _just_dequeued(status):  # who waits in the queue has not been forgotten
         DBOS.resume_workflow(job_id, queue_name=QUEUE)
+
+
+def _just_dequeued(status: WorkflowStatus) -> bool:
+    """True while a worker may have taken a job from the queue without having noted yet that it runs."""
+    if status.status != "PENDING" or status.dequeued_at is None:
+        return False
+    return time.time() - 1e-3 * status.dequeued_at < store.ORPHANED_AFTER.total_seconds()
 
 
 def system_url(url: str) -> str:

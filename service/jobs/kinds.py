@@ -65,6 +65,10 @@ class Kind(ABC, Generic[P, State]):
         """Parameters checked against what is stored, and made complete, when the job is asked for."""
         return parameters
 
+    def role_for(self, _parameters: P) -> str:
+        """Role that these parameters take, at least ``role``."""
+        return self.role
+
     @abstractmethod
     @contextmanager
     def opened(self, work: Work[P]) -> Iterator[State]:

@@ -1,19 +1,30 @@
-"""Reprocess: records reduced again from their raw bytes and pumps folded anew, with today's twin and thresholds."""
+"""Reprocess: records reduced again from their raw bytes and pumps folded anew, with today's versions or with others."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Literal
 
-from pydantic import model_validator
+from fastapi.encoders import jsonable_encoder
+from pydantic import Field, model_validator
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
-from service.errors import NotFound, Unavailable
+from service.errors import Fault, Invalid, NotFound, Unavailable
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
-from service.monitoring.reanalysis import pumps_of, reprocessed, thresholds_changed
-from service.monitoring.refold import REPROCESSED, Cause
+from service.monitoring.reanalysis import (
+    PumpChange,
+    Wanted,
+    pumps_of,
+    rehearsed,
+    reprocessed,
+    thresholds_changed,
+)
+from service.monitoring.refold import REPROCESSED
 from service.tables import Pump
 from service.threshold_layers import Scope
+from service.threshold_pins import newest_number
+from twin.pumps import PUMP_TYPES
+from twin.version import twin_version
 
 
 class ReprocessParameters(Parameters):
@@ -24,6 +35,11 @@ class ReprocessParameters(Parameters):
     dry_run: bool = False
     only: Literal["everything", "verdicts"] = "everything"
     """``verdicts`` folds the stored windows and reads no raw bytes unless thresholds of windows ask for it."""
+    threshold_version: int | None = Field(default=None, ge=0)
+    """Number up to which versions of thresholds count. The pumps are held at it until thresholds that hold for them
+    change or they are reprocessed without a number."""
+    twin_version: str | None = None
+    """One of those that this installation can run; one that is not the pumps' own only in a dry run."""
     up_to_pump: int | None = None
     """Set when the job is asked for: pumps that come later are new already."""
 
@@ -49,7 +65,15 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
         ids = list(session.scalars(_pumps(parameters, operator)))
         if not ids:
             raise NotFound(f"there is no pump {parameters.pump}" if parameters.pump else "there is no such pump")
+        faults = [*_version_faults(session, parameters), *_twin_faults(session, parameters, ids)]
+        if faults:
+            raise Invalid(f"{len(faults)} fault(s) in what was asked for; no job was started", faults)
         return parameters.model_copy(update={"up_to_pump": ids[-1]})
+
+    def role_for(self, parameters: ReprocessParameters) -> str:
+        """Verdicts by other thresholds are a change of thresholds."""
+        holds = parameters.threshold_version is not None and not parameters.dry_run
+        return "engineer" if holds else self.role
 
     @contextmanager
     def opened(self, work: Work[ReprocessParameters]) -> Iterator[list[int]]:
@@ -60,13 +84,19 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
         return len(pump_ids)
 
     def item(self, work: Work[ReprocessParameters], pump_ids: list[int], position: int) -> Item:
-        parameters = work.parameters
-        return _refolded(
+        asked, pump_id = work.parameters, pump_ids[position]
+        kind = None if asked.twin_version is None else twin_versions()[asked.twin_version]
+        wanted = Wanted(asked.threshold_version, kind, work.principal.owner)
+        database, archive = work.context.database, work.context.archive
+        reduce_anew = asked.only == "everything"
+        if asked.dry_run:
+            return _answered(
+                work, pump_id, lambda: rehearsed(database, archive, pump_id, wanted, reduce_anew=reduce_anew)
+            )
+        return _answered(
             work,
-            pump_ids[position],
-            REPROCESSED,
-            reduce_anew=parameters.only == "everything",
-            dry_run=parameters.dry_run,
+            pump_id,
+            lambda: reprocessed(database, archive, pump_id, REPROCESSED, reduce_anew=reduce_anew, wanted=wanted),
         )
 
 
@@ -97,20 +127,50 @@ class Refold(Kind[RefoldParameters, list[int]]):
         return len(pump_ids)
 
     def item(self, work: Work[RefoldParameters], pump_ids: list[int], position: int) -> Item:
-        return _refolded(work, pump_ids[position], thresholds_changed(_scope(work.parameters)))
+        pump_id, cause = pump_ids[position], thresholds_changed(_scope(work.parameters))
+        database, archive = work.context.database, work.context.archive
+        return _answered(work, pump_id, lambda: reprocessed(database, archive, pump_id, cause))
 
 
-def _refolded(work: Work[Any], pump_id: int, cause: Cause, *, reduce_anew: bool = False, dry_run: bool = False) -> Item:
+def twin_versions() -> dict[str, str]:
+    """Versions of the twin that this installation can run, with the parameter set of each."""
+    return {twin_version(kind): name for name, kind in PUMP_TYPES.items()}
+
+
+def _version_faults(session: Session, parameters: ReprocessParameters) -> list[Fault]:
+    newest, number = newest_number(session), parameters.threshold_version
+    if number is None or number <= newest:
+        return []
+    return [Fault("parameters.threshold_version", f"is {number}: versions go from 0 (built in) to {newest}")]
+
+
+def _twin_faults(session: Session, parameters: ReprocessParameters, pump_ids: Sequence[int]) -> list[Fault]:
+    where, wanted, known = "parameters.twin_version", parameters.twin_version, twin_versions()
+    if wanted is None:
+        return []
+    if wanted not in known:
+        return [Fault(where, f"is {wanted}: this installation can run {', '.join(sorted(known))}")]
+    kinds = set(session.scalars(select(Pump.pump_type).where(Pump.id.in_(pump_ids))))
+    others = sorted(kinds - {known[wanted]})
+    if others and not parameters.dry_run:
+        words = f"is of {known[wanted]}, but there are pumps of {', '.join(others)}"
+        return [Fault(where, f"{words}: register them as that type, or see in a dry run what it would change")]
+    return []
+
+
+def _answered(work: Work[Any], pump_id: int, changed: Callable[[], PumpChange]) -> Item:
     """One pump; where its raw bytes are missing it keeps its verdicts, and the others still get their turn."""
-    database, archive = work.context.database, work.context.archive
     try:
-        change = reprocessed(database, archive, pump_id, cause, reduce_anew=reduce_anew, dry_run=dry_run)
+        change = changed()
     except Unavailable as problem:
-        with database.reading() as session:
+        with work.context.database.reading() as session:
             pump = session.get_one(Pump, pump_id)
         names = {"pump": pump.serial, "operator": pump.operator}
         return Item(pump.serial, "failed", {**names, "problem": problem.body()})
-    return Item(change.serial, "changed" if change.n_changed else "unchanged", change.to_json())
+    alarms = any(change.alarms.values())
+    return Item(
+        change.serial, "changed" if change.n_changed or alarms else "unchanged", jsonable_encoder(change.to_json())
+    )
 
 
 def _scope(layer: RefoldParameters) -> Scope:

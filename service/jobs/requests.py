@@ -41,13 +41,16 @@ def ask_for(context: Context, asker: Principal, kind_name: str, operator: str | 
     except ValidationError as error:
         faults = [Fault(".".join(("parameters", *map(str, e["loc"]))), e["msg"]) for e in error.errors()]
         raise Invalid(f"the parameters have {len(faults)} fault(s)", faults) from None
+    asker.require(kind.role_for(parameters))
     with context.database.writing() as session:
         complete = kind.prepared(session, parameters, operator).model_dump(mode="json")
         job = store.same_waiting(session, kind.name, operator, asker.owner, complete)
         if job is not None:
             return job
         job = store.new_job(session, kind.name, operator, asker.owner, complete)
-        audit.note(session, asker, "job.start", f"job/{job.id}", operator, {"kind": kind.name})
+        shown = {k: v for k, v in complete.items() if k not in kind.internal and v is not None}
+        details = {"kind": kind.name, "parameters": shown}
+        audit.note(session, asker, "job.start", f"job/{job.id}", operator, details)
     try:
         engine.submit(job.id)
     except Unavailable:

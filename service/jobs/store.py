@@ -170,12 +170,21 @@ def note_heartbeat(session: Session, job_ids: Sequence[str]) -> None:
     session.execute(update(Job).where(Job.id.in_(job_ids)).values(heartbeat_at=datetime.now(UTC)))
 
 
-def orphans(session: Session) -> list[str]:
-    """Ids of jobs whose process has not been heard of, and of those that were never handed to one."""
-    limit = datetime.now(UTC) - ORPHANED_AFTER
+def claimed_orphans(session: Session) -> list[str]:
+    """Ids of jobs whose process has not been heard of, and of those that were never handed to one.
+
+    They are the caller's from now on: of several workers that look at the same moment only one is given a job.
+    """
+    now = datetime.now(UTC)
+    limit = now - ORPHANED_AFTER
     running = (Job.status == RUNNING) & (Job.heartbeat_at < limit)
-    waiting = (Job.status == QUEUED) & (Job.created_at < limit)
-    return list(session.scalars(select(Job.id).where(running | waiting).order_by(Job.created_at, Job.id)))
+    unheard = Job.heartbeat_at.is_(None) | (Job.heartbeat_at < limit)
+    waiting = (Job.status == QUEUED) & (Job.created_at < limit) & unheard
+    query = select(Job).where(running | waiting).order_by(Job.created_at, Job.id)
+    found = list(session.scalars(query.with_for_update(skip_locked=True)))
+    for job in found:
+        job.heartbeat_at = now
+    return [job.id for job in found]
 
 
 def _end(job: Job, status: str) -> None:

@@ -19,7 +19,7 @@ from service.errors import Conflict, Fault, Invalid, NotFound, Problem
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.parse import check_type
-from service.monitoring.analysis import analysed, thresholds_of
+from service.monitoring.analysis import analysed, keep_analysis, thresholds_of
 from service.monitoring.archive import Archive, RegisteredType
 from service.monitoring.knowledge import setting_of
 from service.monitoring.refold import Cause, refold
@@ -217,8 +217,7 @@ class Acceptance:
                 row.attributes = dict(decoded.recording.attributes)
                 mapping = MappingVersion.from_json(row.request["mapping"]) if row.request.get("mapping") else None
                 row.identity_hash = _identity_hash(operator, row.content_hash, decoded, mapping)
-                row.reduction, row.residuals = analysis.reduction, analysis.residuals
-                row.reduced_with = analysis.key
+                keep_analysis(row, analysis)
                 row.status = ANALYSED
                 session.flush()
                 refold(session, pump, self._archive, Cause("record_received", record_id))

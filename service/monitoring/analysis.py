@@ -7,7 +7,8 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from detectors.observation import Observation, Reduction, Window, WindowKind
+from detectors.flights import Outline
+from detectors.observation import Observation, Window, WindowKind
 from detectors.reduction import reduce_recording
 from detectors.residuals import window_residuals
 from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
@@ -31,6 +32,11 @@ class RecordAnalysis:
     key: str
     reduction: dict[str, Any]
     residuals: dict[str, Any]
+
+
+def keep_analysis(row: Record, analysis: RecordAnalysis) -> None:
+    """Write an analysis into its record's row."""
+    row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
 
 
 def thresholds_of(
@@ -74,17 +80,29 @@ def observation_of(row: Record, place: Place, reduction: dict[str, Any]) -> Obse
     started_at: datetime | None = row.started_at
     if started_at is None:
         raise RuntimeError(f"record {row.id} counts without a start")
-    found: Reduction = reduction_from_json(reduction)
     return Observation(
-        # the content decides the order of records of the same instant, not the order of their arrival
         record_id=row.id,
         at=started_at,
         aircraft=place.aircraft,
         position=place.position,
         flight_id=row.flight_id or "",
-        reduction=found,
+        reduction=reduction_from_json(reduction),
         flight_hours=row.flight_hours,
         segment=row.segment or None,
+    )
+
+
+def observation_at(outline: Outline, reduction: dict[str, Any], flight_hours: float | None) -> Observation:
+    """What a record tells a history, from its outline and its reduction as it is stored."""
+    return Observation(
+        record_id=outline.record_id,
+        at=outline.at,
+        aircraft=outline.aircraft,
+        position=outline.position,
+        flight_id=outline.flight_id,
+        reduction=reduction_from_json(reduction),
+        flight_hours=flight_hours,
+        segment=outline.segment,
     )
 
 

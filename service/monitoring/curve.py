@@ -29,7 +29,7 @@ def curve_of(
     session: Session, pump: Pump, at: datetime | None, speed_rpm: float | None, fluid_temperature_degc: float | None
 ) -> FoundCurve:
     """Curve of a pump from its records up to ``at``, brought to the chosen or the latest condition."""
-    rows = [row for row in counting_records(session, pump.id, None) if at is None or _start(row) <= at]
+    rows = [row for row in counting_records(session, pump.id) if at is None or _start(row) <= at]
     observations = [
         observation_of(row, Place(row.aircraft or "", row.position or ""), row.reduction or {}) for row in rows
     ]

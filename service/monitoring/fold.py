@@ -1,90 +1,136 @@
 """The fold: from everything that is known of one pump to its verdicts, one per record in event order. Pure."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from detectors.assessment import assess
+from detectors.assessment import Fold
+from detectors.flights import Outline, roles_of
 from detectors.observation import History, Maintenance, Observation
+from detectors.snapshot import snapshot
 from detectors.verdict import Assessment, Verdict
 from service.monitoring.setting import Setting
 from twin.parameters import PumpType
 
+Observations = Callable[[Sequence[str]], Mapping[str, Observation]]
+"""Gives the observations of records: those that the fold needs, and no others."""
+
 
 @dataclass(frozen=True, slots=True)
-class PlacedObservation:
-    """A record where the pump really sat, in its surroundings; ``flags`` are remarks on this record."""
+class PlacedRecord:
+    """A record where the pump really sat, in its surroundings, without its numbers.
 
-    observation: Observation
+    ``digest`` stands for its reduction, ``flags`` are remarks on this record.
+    """
+
+    outline: Outline
+    digest: str
     setting: Setting
     flags: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Everything that a pump's verdicts are a function of, apart from the twin's version."""
+    """Everything that a pump's verdicts are a function of, apart from reductions and the twin's version.
+
+    ``placed`` is in event order: by instant, then by record.
+    """
 
     kind: PumpType
     thresholds: Mapping[str, float]
-    placed: tuple[PlacedObservation, ...]
+    placed: tuple[PlacedRecord, ...]
     maintenance: tuple[Maintenance, ...] = ()
     installation_changes: tuple[datetime, ...] = ()
 
 
-def fold(known: Known) -> tuple[Assessment, ...]:
-    """Assess a pump's history, record by record in event order.
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where a fold is taken up: behind the first ``records`` records, with what it carried and the verdict's ``since``."""
+
+    records: int
+    fold: Fold
+    since: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One record's assessment, with a snapshot of the fold behind it where one was asked for."""
+
+    assessment: Assessment
+    snapshot: bytes | None
+
+
+def fold(known: Known, observations: Observations) -> tuple[Assessment, ...]:
+    """Assess a pump's history from its first record on, record by record in event order.
+
+    Where the surroundings change, what follows is judged in the new ones; what came before keeps its verdicts.
+    """
+    return tuple(step.assessment for step in steps(known, observations))
+
+
+def steps(
+    known: Known, observations: Observations, start: Start | None = None, snapshots_at: Collection[int] = ()
+) -> Iterator[Step]:
+    """Fold from a start on; the answers are those of a fold from the first record on.
 
     Parameters
     ----------
-    known
-        Observations in any order. Where the surroundings change, what follows is judged in the new ones; what came
-        before keeps its verdicts.
-
-    Returns
-    -------
-    tuple of Assessment
-        One per observation; the same input in any order gives the same answer.
+    start
+        Taken from a fold of the same history up to there; None for the beginning.
+    snapshots_at
+        Numbers of records behind which a snapshot is wanted.
     """
-    placed = sorted(known.placed, key=lambda p: (p.observation.at, p.observation.record_id))
-    assessments: list[Assessment] = []
-    for start, end in _pieces([p.setting for p in placed]):
-        setting = placed[start].setting
-        history = History(tuple(p.observation for p in placed[:end]), known.maintenance, known.installation_changes)
-        kind = setting.pump_type(known.kind)
-        assessments += assess(history, kind, setting.circuit_parameters, known.thresholds)[start:]
-    return _with_flags(_with_since(assessments), placed)
+    carried = _carried_flags(known.placed)
+    history = History((), known.maintenance, known.installation_changes)
+    taken = start.records if start else 0
+    state = start.fold.verdict.state if start and start.fold.verdict else None
+    since = start.since if start else None
+    for first, end in pieces(known.placed):
+        if end <= taken:
+            continue
+        setting = known.placed[first].setting
+        if start is not None and first < taken:
+            held, begin = start.fold, taken
+        else:
+            # other surroundings: the whole history so far is seen with them
+            held, begin = Fold(setting.pump_type(known.kind), setting.circuit_parameters, known.thresholds), 0
+        outlines = [p.outline for p in known.placed[:end]]
+        roles = roles_of(outlines)
+        ids = [o.record_id for o in outlines[begin:]]
+        earlier = sorted({roles.adds_to[i] for i in ids if i in roles.adds_to} - set(ids))
+        found = observations([*earlier, *ids])
+        assessments = held.continued([found[i] for i in ids], roles, history, [found[i] for i in earlier])
+        for number, assessment in enumerate(assessments, begin + 1):
+            if number <= first:
+                continue
+            if assessment.verdict.state is not state or since is None:
+                state, since = assessment.verdict.state, assessment.at
+            verdict = _flagged(replace(assessment.verdict, since=since), carried[number - 1])
+            kept = snapshot(held) if number in snapshots_at else None
+            yield Step(replace(assessment, verdict=verdict), kept)
 
 
-def _pieces(settings: Sequence[Setting]) -> list[tuple[int, int]]:
+def pieces(placed: Sequence[PlacedRecord]) -> list[tuple[int, int]]:
     """Stretches of equal settings as (start, end)."""
+    settings = [p.setting for p in placed]
     starts = [i for i, setting in enumerate(settings) if i == 0 or setting != settings[i - 1]]
     return list(zip(starts, [*starts[1:], len(settings)], strict=True)) if starts else []
 
 
-def _with_since(assessments: Sequence[Assessment]) -> list[Assessment]:
-    """Starts of the unbroken runs of a state, across pieces that were assessed apart."""
-    found: list[Assessment] = []
-    for assessment in assessments:
-        verdict = assessment.verdict
-        since = assessment.at
-        if found and found[-1].verdict.state is verdict.state and found[-1].verdict.since is not None:
-            since = found[-1].verdict.since
-        found.append(replace(assessment, verdict=replace(verdict, since=since)))
-    return found
-
-
-def _with_flags(assessments: Sequence[Assessment], placed: Sequence[PlacedObservation]) -> tuple[Assessment, ...]:
-    """Remarks on records, carried by every verdict that rests on them: as long as the pump stays where it is."""
-    found: list[Assessment] = []
+def _carried_flags(placed: Sequence[PlacedRecord]) -> list[Mapping[str, int]]:
+    """Remarks on records, counted as long as the pump stays where it is: every verdict that rests on them has them."""
+    found: list[Mapping[str, int]] = []
     carried: dict[str, int] = {}
     place = None
-    for assessment, here in zip(assessments, placed, strict=True):
-        if (here.observation.aircraft, here.observation.position) != place:
-            place, carried = (here.observation.aircraft, here.observation.position), {}
-        for flag in here.flags:
-            carried[flag] = carried.get(flag, 0) + 1
-        found.append(replace(assessment, verdict=_flagged(assessment.verdict, carried)))
-    return tuple(found)
+    for here in placed:
+        if (here.outline.aircraft, here.outline.position) != place:
+            place, carried = (here.outline.aircraft, here.outline.position), {}
+        if here.flags:
+            carried = dict(carried)
+            for flag in here.flags:
+                carried[flag] = carried.get(flag, 0) + 1
+        found.append(carried)
+    return found
 
 
 def _flagged(verdict: Verdict, carried: Mapping[str, int]) -> Verdict:

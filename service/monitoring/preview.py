@@ -9,15 +9,14 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from service.alarms.ledger import point_of, points_of
+from service.alarms.comparison import gained_and_lost
+from service.alarms.ledger import points_of
 from service.alarms.life_cycle import Life, Point, lives, rules_of
 from service.errors import Invalid, TooLarge
 from service.monitoring.analysis import thresholds_of
 from service.monitoring.archive import Archive
-from service.monitoring.codec import verdict_to_json
-from service.monitoring.fold import fold
-from service.monitoring.knowledge import Knowledge, entries, knowledge
-from service.monitoring.reanalysis import pumps_of
+from service.monitoring.knowledge import entries, knowledge
+from service.monitoring.reanalysis import points_of_fold, pumps_of
 from service.registry.findings import NO_FAULT_FOUND
 from service.security import Principal
 from service.tables import ANALYSED, Finding, Pump, Record
@@ -87,10 +86,11 @@ def compared(
 ) -> dict[str, Any]:
     """One pump's alarms with today's thresholds beside those with a candidate for one layer."""
     now = thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
-    then = knowledge(session, pump, archive, candidate=Candidate(scope, values))
+    wanted = thresholds_of(session, pump.operator, pump.serial, pump.pump_type, candidate=Candidate(scope, values))
+    then = knowledge(session, pump, archive, thresholds=wanted)
     points = points_of(session, pump.id)
-    others = _points_with(then)
-    before, after = lives(points, (), rules_of(now.values)), lives(others, (), rules_of(then.thresholds.values))
+    others = points_of_fold(session, then)
+    before, after = lives(points, (), rules_of(now.values)), lives(others, (), rules_of(wanted.values))
     first = [alarms[0].raised_at if alarms else None for alarms in (before, after)]
     findings = entries(session, Finding, pump.id)
     return {
@@ -98,8 +98,7 @@ def compared(
         "operator": pump.operator,
         "alarms_now": len(before),
         "alarms_with_candidate": len(after),
-        "gained": [_shown(a) for a in after if not _meets(a, before)],
-        "lost": [_shown(a) for a in before if not _meets(a, after)],
+        **gained_and_lost(before, after),
         "changed": [_identity(a) for a in before] != [_identity(a) for a in after],
         "first_alarm": {
             "now": first[0],
@@ -132,30 +131,8 @@ def totals(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _points_with(found: Knowledge) -> list[Point]:
-    """The pump's points as the candidate would have them."""
-    flights = {p.observation.record_id: p.observation.flight_id for p in found.known.placed}
-    return [
-        point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0), flights[a.record_id]) for a in fold(found.known)
-    ]
-
-
-def _meets(alarm: Life, others: Sequence[Life]) -> bool:
-    return any(alarm.overlaps(other.onset_at, other.cleared_at) for other in others)
-
-
 def _identity(alarm: Life) -> tuple[Any, ...]:
     return alarm.onset_at, alarm.raised_at, alarm.cleared_at, alarm.state, alarm.priority
-
-
-def _shown(alarm: Life) -> dict[str, Any]:
-    return {
-        "onset_at": alarm.onset_at,
-        "raised_at": alarm.raised_at,
-        "cleared_at": alarm.cleared_at,
-        "verdict_state": alarm.state,
-        "priority": alarm.priority,
-    }
 
 
 def _days(now: datetime | None, then: datetime | None) -> float | None:

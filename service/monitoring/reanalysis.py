@@ -1,5 +1,6 @@
 """Reduce and fold a pump anew: for changed thresholds, for another twin, or only to see what would change."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,13 +8,22 @@ import structlog
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
+from service.alarms.comparison import gained_and_lost
+from service.alarms.ledger import point_of, points_of
+from service.alarms.life_cycle import Point, Rules, lives, rules_of
 from service.database import Database
 from service.errors import Problem
+from service.monitoring.analysis import keep_analysis, thresholds_of
 from service.monitoring.archive import Archive
-from service.monitoring.knowledge import knowledge
+from service.monitoring.codec import verdict_to_json
+from service.monitoring.fold import fold
+from service.monitoring.knowledge import Knowledge, knowledge
 from service.monitoring.refold import REPROCESSED, Cause, refold
-from service.tables import ANALYSED, Pump, Record, StoredAssessment
-from service.threshold_layers import Scope
+from service.tables import ANALYSED, Pump, Record
+from service.threshold_layers import Effective, Scope, effective_thresholds, pump_scopes
+from service.threshold_pins import hold, newest_number
+from twin.pumps import pump_type
+from twin.version import twin_version
 
 _MOST_CHANGES_SHOWN = 50
 log = structlog.get_logger("casedrain")
@@ -21,7 +31,10 @@ log = structlog.get_logger("casedrain")
 
 @dataclass(frozen=True, slots=True)
 class PumpChange:
-    """What became of a pump's verdicts: ``changes`` names the records whose state differs, in event order."""
+    """What became of a pump's verdicts: ``changes`` names the records whose state differs, in event order.
+
+    ``alarms`` are those ``gained`` and ``lost``, actions of operators aside; versions are those of the new verdicts.
+    """
 
     serial: str
     operator: str
@@ -30,6 +43,9 @@ class PumpChange:
     changes: tuple[dict[str, Any], ...]
     before: str | None
     after: str | None
+    alarms: dict[str, list[dict[str, Any]]]
+    twin_version: str
+    threshold_version: int
 
     def to_json(self) -> dict[str, Any]:
         """As a job's item shows it."""
@@ -41,11 +57,29 @@ class PumpChange:
             "changes": list(self.changes),
             "state_before": self.before,
             "state_after": self.after,
+            "alarms": self.alarms,
+            "twin_version": self.twin_version,
+            "threshold_version": self.threshold_version,
         }
 
 
-class _UndoneError(Exception):
-    """Leaves the transaction of a dry run."""
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Versions that a pump is reprocessed with.
+
+    Attributes
+    ----------
+    threshold_version
+        Number up to which versions of thresholds count; None for the newest.
+    pump_type
+        Parameter set of the twin in place of the pump's own, for a rehearsal only; None for its own.
+    author
+        Who asks; the pump is held at the threshold version in this name.
+    """
+
+    threshold_version: int | None
+    pump_type: str | None
+    author: str
 
 
 def pumps_of(scope: Scope) -> Select[Pump]:
@@ -92,16 +126,17 @@ def reprocessed(
     cause: Cause = REPROCESSED,
     *,
     reduce_anew: bool = False,
-    dry_run: bool = False,
+    wanted: Wanted | None = None,
 ) -> PumpChange:
-    """Fold one pump anew in one transaction and say which verdicts changed.
+    """Fold one pump anew in one transaction and say what changed.
 
     Parameters
     ----------
     reduce_anew
         Read every record again from its raw bytes; otherwise only where something has changed that it depends on.
-    dry_run
-        The real fold, undone at its end.
+    wanted
+        Versions to do it with, from the first record on; the pump is held at them. None for those that it has, with
+        whatever still holds left as it is.
 
     Raises
     ------
@@ -110,38 +145,72 @@ def reprocessed(
     """
     # reading a pump's whole history may take minutes: before the lock; what changes meanwhile, the fold notices
     with database.reading() as session:
-        anew = knowledge(session, session.get_one(Pump, pump_id), archive, reduce_anew=reduce_anew).anew
-    found: list[PumpChange] = []
-    try:
-        with database.writing() as session:
-            pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
-            before = _states(session, pump_id)
-            for row in session.scalars(select(Record).where(Record.id.in_(anew), Record.status == ANALYSED)):
-                analysis = anew[row.id]
-                row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
-            session.flush()
-            refold(session, pump, archive, cause)
-            found.append(_change(pump, before, _states(session, pump_id)))
-            if dry_run:
-                raise _UndoneError
-    except _UndoneError:
-        pass
-    return found[0]
+        anew = _known(session, archive, session.get_one(Pump, pump_id), wanted, reduce_anew=reduce_anew).anew
+    with database.writing() as session:
+        pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
+        before, old_rules = points_of(session, pump_id), _rules(session, pump)
+        if wanted is not None:
+            hold(session, pump, wanted.threshold_version, wanted.author)
+        for row in session.scalars(select(Record).where(Record.id.in_(anew), Record.status == ANALYSED)):
+            keep_analysis(row, anew[row.id])
+        session.flush()
+        refold(session, pump, archive, cause, from_scratch=wanted is not None)
+        after, thresholds = points_of(session, pump_id), _thresholds(session, pump)
+        alarms = gained_and_lost(lives(before, (), old_rules), lives(after, (), rules_of(thresholds.values)))
+        return _change(pump, before, after, alarms, twin_version(pump_type(pump.pump_type)), thresholds.version)
 
 
-def _states(session: Session, pump_id: int) -> dict[str, tuple[str, str]]:
-    """Instant and state by record, in event order."""
-    columns = select(StoredAssessment.record_id, StoredAssessment.at, StoredAssessment.state)
-    query = columns.where(StoredAssessment.pump_id == pump_id)
-    query = query.order_by(StoredAssessment.at, StoredAssessment.record_id)
-    return {record_id: (at.isoformat(), state) for record_id, at, state in session.execute(query)}
+def rehearsed(
+    database: Database, archive: Archive, pump_id: int, wanted: Wanted, *, reduce_anew: bool = False
+) -> PumpChange:
+    """What ``reprocessed`` would change; nothing is written or locked. Raises as it does."""
+    with database.reading() as session:
+        pump = session.get_one(Pump, pump_id)
+        before, old_rules = points_of(session, pump_id), _rules(session, pump)
+        found = _known(session, archive, pump, wanted, reduce_anew=reduce_anew)
+        after = points_of_fold(session, found)
+        alarms = gained_and_lost(lives(before, (), old_rules), lives(after, (), rules_of(found.thresholds.values)))
+        return _change(pump, before, after, alarms, twin_version(found.known.kind), found.thresholds.version)
 
 
-def _change(pump: Pump, before: dict[str, tuple[str, str]], after: dict[str, tuple[str, str]]) -> PumpChange:
+def points_of_fold(session: Session, found: Knowledge) -> list[Point]:
+    """What alarms need of a history, folded without being stored."""
+    flights = {p.outline.record_id: p.outline.flight_id for p in found.known.placed}
+    assessments = fold(found.known, found.observations(session))
+    return [point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0), flights[a.record_id]) for a in assessments]
+
+
+def _known(session: Session, archive: Archive, pump: Pump, wanted: Wanted | None, *, reduce_anew: bool) -> Knowledge:
+    if wanted is None:
+        return knowledge(session, pump, archive, reduce_anew=reduce_anew)
+    kind = wanted.pump_type
+    number = newest_number(session) if wanted.threshold_version is None else wanted.threshold_version
+    layers = pump_scopes(pump.operator, pump.serial, kind or pump.pump_type)
+    thresholds = effective_thresholds(session, layers, up_to=number)
+    return knowledge(session, pump, archive, thresholds=thresholds, reduce_anew=reduce_anew, pump_type_name=kind)
+
+
+def _thresholds(session: Session, pump: Pump) -> Effective:
+    return thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
+
+
+def _rules(session: Session, pump: Pump) -> Rules:
+    return rules_of(_thresholds(session, pump).values)
+
+
+def _change(
+    pump: Pump,
+    before: Sequence[Point],
+    after: Sequence[Point],
+    alarms: dict[str, list[dict[str, Any]]],
+    twin: str,
+    thresholds: int,
+) -> PumpChange:
+    old = {p.record_id: p.state for p in before}
     changes = [
-        {"record_id": record_id, "at": at, "before": before.get(record_id, ("", None))[1], "after": state}
-        for record_id, (at, state) in after.items()
-        if before.get(record_id, ("", None))[1] != state
+        {"record_id": p.record_id, "at": p.at.isoformat(), "before": old.get(p.record_id), "after": p.state}
+        for p in after
+        if old.get(p.record_id) != p.state
     ]
     return PumpChange(
         serial=pump.serial,
@@ -149,6 +218,9 @@ def _change(pump: Pump, before: dict[str, tuple[str, str]], after: dict[str, tup
         n_records=len(after),
         n_changed=len(changes),
         changes=tuple(changes[:_MOST_CHANGES_SHOWN]),
-        before=next(reversed(before.values()))[1] if before else None,
-        after=next(reversed(after.values()))[1] if after else None,
+        before=before[-1].state if before else None,
+        after=after[-1].state if after else None,
+        alarms=alarms,
+        twin_version=twin,
+        threshold_version=thresholds,
     )

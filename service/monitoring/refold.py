@@ -1,6 +1,6 @@
 """Fold a pump anew and store its verdicts, with a note of every past one that changed; its alarms follow."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
@@ -8,14 +8,16 @@ from typing import Any
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
+from detectors.verdict import Assessment
 from service.alarms.ledger import follow
-from service.monitoring.analysis import empty_verdict
+from service.monitoring import snapshots
+from service.monitoring.analysis import empty_verdict, keep_analysis
 from service.monitoring.archive import Archive
+from service.monitoring.chain import chain
 from service.monitoring.codec import trend_to_json, verdict_to_json
-from service.monitoring.fold import fold
-from service.monitoring.knowledge import knowledge
-from service.tables import Pump, Record, StoredAssessment, VerdictRevision
-from twin.pumps import pump_type
+from service.monitoring.fold import Known, fold, steps
+from service.monitoring.knowledge import AnyRow, Knowledge, knowledge
+from service.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
 from twin.version import twin_version
 
 
@@ -28,42 +30,58 @@ class Cause:
 
 
 REPROCESSED = Cause("reprocessed")
+_MOST_IDS = 500
 
 
-def refold(session: Session, pump: Pump, archive: Archive, cause: Cause = REPROCESSED) -> None:
+def refold(
+    session: Session, pump: Pump, archive: Archive, cause: Cause = REPROCESSED, *, from_scratch: bool = False
+) -> None:
     """Fold the pump's history anew, store an assessment per record and bring its alarms in line.
 
     The caller holds the pump's row lock (Postgres) or the write transaction (SQLite), so that two changes of one
-    pump follow each other. Records whose thresholds, surroundings or pump type changed are analysed anew.
+    pump follow each other. Records whose thresholds, surroundings or pump type changed are analysed anew. Assessments
+    before the first change stay as they are, and the fold begins at the newest snapshot before it.
+
+    Parameters
+    ----------
+    from_scratch
+        Trust neither snapshots nor stored assessments.
 
     Raises
     ------
     Unavailable
         when a record must be analysed anew and its raw bytes are gone; nothing is stored then.
     """
+    _outline_older(session, pump)
     found = knowledge(session, pump, archive)
     if found.anew:
         for row in session.scalars(select(Record).where(Record.id.in_(found.anew))):
-            analysis = found.anew[row.id]
-            row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
+            keep_analysis(row, found.anew[row.id])
     pump.pump_type = found.kind
-    version = twin_version(pump_type(found.kind))
-    before = _states(session, pump)
-    assessments = fold(found.known)
-    session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
+    version = twin_version(found.known.kind)
+    links = chain(found.known, version, found.thresholds.version)
+    stored = _stored(session, pump)
+    same = 0 if from_scratch else _unchanged(found.known, links, stored)
+    placed = {p.outline.record_id: p.outline for p in found.known.placed}
+    changed = [p.outline.record_id for p in found.known.placed[same:]]
+    gone = {i for i in stored if i not in placed} | {i for i in changed if i in stored}
+    assessments = _folded(session, pump, found, links, same, from_scratch=from_scratch) if changed else []
+    _remove(session, pump, stored, gone)
     session.add_all(
         StoredAssessment(
             record_id=a.record_id,
             pump_id=pump.id,
             at=a.at,
-            aircraft=found.places[a.record_id].aircraft,
-            position=found.places[a.record_id].position,
+            aircraft=placed[a.record_id].aircraft,
+            position=placed[a.record_id].position,
             state=a.verdict.state.value,
             trend=trend_to_json(a.trend),
             verdict=verdict_to_json(a.verdict, version, found.thresholds.version),
+            chain=link,
         )
-        for a in assessments
+        for a, link in zip(assessments, links[same:], strict=True)
     )
+    before = {i: (row.at, row.state) for i, row in stored.items() if i in gone}
     after = {a.record_id: (a.at, a.verdict.state.value) for a in assessments}
     session.add_all(_revisions(pump, before, after, cause))
     follow(session, pump, found.thresholds.values)
@@ -80,19 +98,64 @@ def verdict_known_at(
         when a record must be analysed as it was then and its raw bytes are gone.
     """
     found = knowledge(session, pump, archive, known_at)
-    assessments = [a for a in fold(found.known) if at is None or a.at <= at]
+    assessments = [a for a in fold(found.known, found.observations(session)) if at is None or a.at <= at]
     if not assessments:
         return empty_verdict(found.kind, found.thresholds)
-    version = twin_version(pump_type(found.kind))
-    return verdict_to_json(assessments[-1].verdict, version, found.thresholds.version)
+    return verdict_to_json(assessments[-1].verdict, twin_version(found.known.kind), found.thresholds.version)
+
+
+def _outline_older(session: Session, pump: Pump) -> None:
+    """Outline what was reduced before there were outlines, so that it is read this once."""
+    query = select(Record).where(
+        Record.pump_id == pump.id, Record.status == ANALYSED, Record.reduction_digest.is_(None)
+    )
+    for row in session.scalars(query):
+        row.reduction = row.reduction  # the row outlines whatever is assigned
+
+
+def _unchanged(known: Known, links: Sequence[str], stored: Mapping[str, AnyRow]) -> int:
+    """Number of records from the first on whose stored assessments still hold."""
+    for i, (here, link) in enumerate(zip(known.placed, links, strict=True)):
+        row = stored.get(here.outline.record_id)
+        if row is None or row.chain != link:
+            return i
+    return len(links)
+
+
+def _folded(
+    session: Session, pump: Pump, found: Knowledge, links: Sequence[str], same: int, *, from_scratch: bool
+) -> list[Assessment]:
+    """Assessments of the records behind the first ``same``; snapshots are left on the way."""
+    start = None if from_scratch else snapshots.start_of(session, pump.id, found.known, links, same)
+    begin = start.records if start else 0
+    places = snapshots.missing(session, pump.id, links, start)
+    taken = {}
+    assessments = []
+    for number, step in enumerate(steps(found.known, found.observations(session), start, places), begin + 1):
+        if number > same:
+            assessments.append(step.assessment)
+        if step.snapshot is not None:
+            taken[number] = step
+    snapshots.keep(session, pump.id, links, taken)
+    return assessments
+
+
+def _stored(session: Session, pump: Pump) -> dict[str, AnyRow]:
+    columns = (StoredAssessment.record_id, StoredAssessment.at, StoredAssessment.state, StoredAssessment.chain)
+    return {row.record_id: row for row in session.execute(select(*columns).where(StoredAssessment.pump_id == pump.id))}
+
+
+def _remove(session: Session, pump: Pump, stored: Mapping[str, AnyRow], gone: Collection[str]) -> None:
+    """Delete the assessments of some records; in one statement where those are all."""
+    if len(gone) == len(stored):
+        session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
+        return
+    ids = sorted(gone)
+    for start in range(0, len(ids), _MOST_IDS):
+        session.execute(delete(StoredAssessment).where(StoredAssessment.record_id.in_(ids[start : start + _MOST_IDS])))
 
 
 _States = Mapping[str, tuple[datetime, str]]
-
-
-def _states(session: Session, pump: Pump) -> _States:
-    query = select(StoredAssessment.record_id, StoredAssessment.at, StoredAssessment.state)
-    return {r: (at, state) for r, at, state in session.execute(query.where(StoredAssessment.pump_id == pump.id))}
 
 
 def _revisions(pump: Pump, before: _States, after: _States, cause: Cause) -> list[VerdictRevision]:

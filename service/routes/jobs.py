@@ -24,7 +24,12 @@ class NewJob(BaseModel):
 
     model_config = ConfigDict(
         extra="forbid",
-        json_schema_extra={"examples": [{"kind": "reprocess", "parameters": {"pump": "P-1", "dry_run": True}}]},
+        json_schema_extra={
+            "examples": [
+                {"kind": "reprocess", "parameters": {"pump": "P-1", "dry_run": True}},
+                {"kind": "reprocess", "parameters": {"threshold_version": 3, "only": "verdicts", "dry_run": True}},
+            ]
+        },
     )
     kind: str
     parameters: dict[str, Any] = Field(default_factory=dict)

@@ -15,11 +15,14 @@ from service.tables.records import (
     SUPERSEDED,
     WITHDRAWN,
     Record,
+    ReductionOutline,
     Refusal,
     StoredAssessment,
+    case_flow_of,
 )
 from service.tables.registry import Aircraft, Pump, ReferenceCurve, RegistryVersion
-from service.tables.thresholds import ThresholdVersion
+from service.tables.snapshots import FoldSnapshot
+from service.tables.thresholds import ThresholdPin, ThresholdVersion
 
 __all__ = [
     "ANALYSED",
@@ -43,6 +46,7 @@ __all__ = [
     "Entry",
     "FailedSignIn",
     "Finding",
+    "FoldSnapshot",
     "Installation",
     "Job",
     "JobItem",
@@ -51,15 +55,18 @@ __all__ = [
     "OperatorSettings",
     "Pump",
     "Record",
+    "ReductionOutline",
     "ReferenceCurve",
     "Refusal",
     "RegistryVersion",
     "SignedIn",
     "StoredAssessment",
     "StoredMapping",
+    "ThresholdPin",
     "ThresholdVersion",
     "User",
     "UtcDateTime",
     "VerdictRevision",
     "Webhook",
+    "case_flow_of",
 ]

@@ -1,9 +1,9 @@
-"""Versions of thresholds."""
+"""Versions of thresholds, and pumps that are held at an earlier one."""
 
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Index
+from sqlalchemy import ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.tables.base import Base
@@ -23,3 +23,20 @@ class ThresholdVersion(Base):
     author: Mapped[str]
     reason: Mapped[str]
     created_at: Mapped[datetime]
+
+
+class ThresholdPin(Base):
+    """A pump that was reprocessed with an earlier version of the thresholds; rows are never changed.
+
+    The pump's newest pin counts while none of its layers has a version above ``counter``, the highest number when it
+    was set: a change of thresholds wins over it. ``number`` None lets the pump follow the newest thresholds again.
+    """
+
+    __tablename__ = "threshold_pins"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    pump_id: Mapped[int] = mapped_column(ForeignKey("pumps.id"), index=True)
+    number: Mapped[int | None]
+    counter: Mapped[int]
+    author: Mapped[str]
+    recorded_at: Mapped[datetime]

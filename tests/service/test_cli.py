@@ -91,6 +91,12 @@ def test_upload_takes_folders_and_patterns_and_goes_on(files: list[str], tmp_pat
         dry = runner.invoke(app, ["reprocess", "--dry-run", "--url", address])
         assert dry.exit_code == 0, dry.output
         assert "DT-102 (default): 0 of 4 verdicts differ" in dry.output
+        versions = ["--threshold-version", "0", "--only-verdicts", "--dry-run"]
+        earlier = runner.invoke(app, ["reprocess", *versions, "--url", address])
+        assert earlier.exit_code == 0, earlier.output
+        other = runner.invoke(app, ["reprocess", "--twin-version", "h225-0-0", "--url", address])
+        assert other.exit_code == 1
+        assert "this installation can run h225-" in other.output
         wrong = runner.invoke(app, ["reprocess", "--pump", "none", "--url", address])
         assert wrong.exit_code == 1
         assert "no pump none" in wrong.output

@@ -9,6 +9,7 @@ import sys
 import time
 import zipfile
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
@@ -130,7 +131,8 @@ def test_a_dry_run_shows_what_would_change_and_changes_nothing(
     database = client.app.state.context.database  # type: ignore[attr-defined]
     with database.writing() as session:
         for row in session.scalars(select(StoredAssessment)):
-            row.state = "healthy_by_an_older_twin"
+            row.verdict = {**row.verdict, "state": "healthy_by_an_older_twin"}
+            row.state = row.verdict["state"]
     for dry_run, left in ((True, 4), (False, 0)):
         wanted = {"kind": "reprocess", "parameters": {"dry_run": dry_run, "only": "verdicts"}}
         job = finished(client, client.post(f"{API}/jobs", json=wanted).json()["id"])
@@ -244,13 +246,15 @@ def test_thresholds_of_a_large_fleet_are_refolded_by_a_job(
 
 WORKER = """
 import sys, time
+from datetime import timedelta
 from pathlib import Path
 import structlog
 from service.app import opened
-from service.jobs import engine, requests
+from service.jobs import engine, requests, store
 from service.settings import Settings
 structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(50))
-context = opened(Settings(database_url=sys.argv[1], data_dir=Path(sys.argv[2])))
+engine._WATCH_INTERVAL_S, store.ORPHANED_AFTER = 0.5, timedelta(seconds=6)  # instead of 20 s and a minute
+context = opened(Settings(database_url=sys.argv[1], data_dir=Path(sys.argv[2]), worker_name=sys.argv[3]))
 engine.start(context)
 print("started", flush=True)
 time.sleep(600)
@@ -266,20 +270,38 @@ def workers(settings: Settings) -> Iterator[list[subprocess.Popen[str]]]:
         process.wait()
 
 
-def start_worker(settings: Settings, workers: list[subprocess.Popen[str]]) -> subprocess.Popen[str]:
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as held:
+        yield held
+
+
+def launch_worker(
+    settings: Settings, workers: list[subprocess.Popen[str]], name: str = "worker"
+) -> subprocess.Popen[str]:
     process = subprocess.Popen(
-        [sys.executable, "-c", WORKER, settings.effective_database_url, str(settings.data_dir)],
+        [sys.executable, "-c", WORKER, settings.effective_database_url, str(settings.data_dir), name],
         stdout=subprocess.PIPE,
         text=True,
         cwd=Path(__file__).resolve().parents[2],
     )
     workers.append(process)
-    assert process.stdout is not None
-    with process.stdout as out:
-        assert out.readline().strip() == "started"
     return process
 
 
+def wait_for(process: subprocess.Popen[str]) -> None:
+    assert process.stdout is not None
+    with process.stdout as out:
+        assert out.readline().strip() == "started"
+
+
+def start_worker(settings: Settings, workers: list[subprocess.Popen[str]]) -> subprocess.Popen[str]:
+    process = launch_worker(settings, workers)
+    wait_for(process)
+    return process
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)  # on Postgres: the test of several workers
 def test_kill_9_in_the_middle_costs_nothing(settings: Settings, workers: list[subprocess.Popen[str]]) -> None:
     """A worker is killed while it imports; the next one finishes the job with every item exactly once."""
     from service.app import opened
@@ -320,6 +342,62 @@ def test_kill_9_in_the_middle_costs_nothing(settings: Settings, workers: list[su
         assert session.scalar(select(func.count()).select_from(JobItem).where(JobItem.job_id == job_id)) == n
         assert session.scalar(select(func.count()).select_from(Record).where(Record.status == ANALYSED)) == n
     context.close()
+
+
+@pytest.mark.parametrize("database_url", ["postgres"], indirect=True)
+def test_several_workers_share_the_jobs_and_finish_those_of_one_that_is_killed(
+    settings: Settings, workers: list[subprocess.Popen[str]], stack: ExitStack
+) -> None:
+    """Two workers on one database, one of them killed in the middle of a job, which never comes back."""
+    from service.app import opened
+    from service.jobs.requests import ask_for
+    from service.security import EVERYBODY
+    from service.tables import Job
+
+    n_jobs, n_flights = 4, 10
+    first, second = (launch_worker(settings, workers, name) for name in ("first", "second"))
+    context = stack.enter_context(closing(opened(settings)))
+    ids = []
+    for j in range(n_jobs):
+        members = {
+            f"{i}.json": json.dumps({**json.loads(flight(i)), "pump_serial": f"P-{j}"}).encode()
+            for i in range(n_flights)
+        }
+        with context.spool.of(archive(members)) as file:
+            context.raw_store.put_file(file.path, file.digest)
+            ids.append(
+                ask_for(context, EVERYBODY, "bulk-import", "default", {"content_hash": file.digest, "format": "zip"}).id
+            )
+    for process in (first, second):
+        wait_for(process)
+    for job_id in ids:
+        _enqueue(settings, job_id)
+
+    def progress() -> dict[str, tuple[str, int]]:
+        with context.database.reading() as session:
+            return {job_id: (job.status, job.done) for job_id in ids for job in [session.get_one(Job, job_id)]}
+
+    for _ in range(2400):
+        if sum(status == "running" and done > 0 for status, done in progress().values()) == 2:
+            break  # each of them has one in hand
+        time.sleep(0.02)
+    assert sum(status == "running" for status, _ in progress().values()) == 2
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait()
+    for _ in range(1200):
+        if all(status not in ("running", "queued") for status, _ in progress().values()):
+            break
+        time.sleep(0.1)
+    assert progress() == dict.fromkeys(ids, ("succeeded", n_flights))
+    with context.database.reading() as session:
+        statuses = list(session.scalars(select(JobItem.status).where(JobItem.job_id.in_(ids))))
+        assert session.scalar(select(func.count()).select_from(Record).where(Record.status == ANALYSED)) == len(
+            statuses
+        )
+    assert len(statuses) == n_jobs * n_flights
+    # the item in hand when the worker died may have been stored without its note
+    assert statuses.count("analysed") >= len(statuses) - 1
+    assert set(statuses) <= {"analysed", "known"}
 
 
 def _enqueue(settings: Settings, job_id: str) -> None:

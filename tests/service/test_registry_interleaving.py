@@ -1,7 +1,10 @@
-"""Any interleaving of uploads, corrections, withdrawals, entries and thresholds ends where the ordered replay does."""
+"""Any interleaving of uploads, corrections, withdrawals, entries, thresholds and restarts ends where the ordered replay
+does, and what stands then is to the last bit what a fold from the first record on gives.
+"""
 
 import itertools
 import json
+from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -11,7 +14,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
 from sqlalchemy import select
 
-from service.tables import Pump
+from service.app import create_app
+from service.monitoring.refold import refold
+from service.tables import Pump, StoredAssessment
 from tests.service.records import document
 
 JSON = {"content-type": "application/json"}
@@ -106,6 +111,8 @@ class Interleaving(RuleBasedStateMachine):
         self.thresholds: dict[str, float] = {"baseline_records": 3}
         self.circuits: dict[str, str] = {}
         self.moments: list[tuple[str, Any]] = []
+        self.processes = ExitStack()
+        self.restarted = False
         self.life.set_thresholds(self.thresholds)
 
     @initialize()
@@ -174,7 +181,33 @@ class Interleaving(RuleBasedStateMachine):
         self.life.set_circuit(place[0], circuit)
         self._note()
 
+    @precondition(lambda self: not self.restarted)
+    @rule()
+    def restart(self) -> None:
+        """The service goes on in another process, as it were: nothing but the database and the bytes is left of it."""
+        self.restarted = True
+        settings = self.life.client.app.state.context.settings  # type: ignore[attr-defined]
+        self.life.client = self.processes.enter_context(TestClient(create_app(settings)))
+
+    def _from_scratch(self) -> None:
+        """What is stored with the help of snapshots is what a fold that trusts nothing stores."""
+        context = self.life.client.app.state.context  # type: ignore[attr-defined]
+        with context.database.writing() as session:
+            pump = session.scalars(select(Pump).where(Pump.operator == self.life.of["operator"])).one()
+            row = StoredAssessment
+            columns = (row.record_id, row.state, row.trend, row.verdict, row.chain)
+            query = select(*columns).where(row.pump_id == pump.id).order_by(row.at, row.record_id)
+            stored = session.execute(query).all()
+            refold(session, pump, context.archive, from_scratch=True)
+            session.flush()
+            assert session.execute(query).all() == stored
+
     def teardown(self) -> None:
+        with self.processes:
+            self._check()
+
+    def _check(self) -> None:
+        self._from_scratch()
         replay = Life(self.life.client)
         replay.set_thresholds(self.thresholds)
         for name, circuit in self.circuits.items():

@@ -1,16 +1,18 @@
 """Pure parts of the history: places, surroundings, the fold across them, a pump's habit."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
 
 from detectors.assessment import assess
+from detectors.flights import outline_of
 from detectors.observation import History, Observation, Reduction
 from detectors.reduction import reduce_recording
 from detectors.thresholds import effective
-from service.monitoring.fold import Known, PlacedObservation, fold
+from detectors.verdict import Assessment
+from service.monitoring.fold import Known, PlacedRecord, fold
 from service.monitoring.placement import Interval, changes, place_at
 from service.monitoring.setting import Setting, setting_at
 from service.registry.silence import patience
@@ -37,25 +39,34 @@ def observations(reduction: Reduction, n: int, moved_at: int) -> list[Observatio
     return [Observation(f"r{i:02}", day(i), *places[i], f"F{i}", reduction) for i in range(n)]
 
 
-def known(placed: list[PlacedObservation]) -> Known:
-    return Known(pump_type("h225"), THRESHOLDS, tuple(placed))
+@dataclass(frozen=True)
+class Placed:
+    observation: Observation
+    setting: Setting
+    flags: tuple[str, ...] = ()
+
+
+def folded(placed: list[Placed]) -> tuple[Assessment, ...]:
+    records = tuple(PlacedRecord(outline_of(p.observation), "", p.setting, p.flags) for p in placed)
+    held = {p.observation.record_id: p.observation for p in placed}
+    return fold(Known(pump_type("h225"), THRESHOLDS, records), lambda ids: {i: held[i] for i in ids})
 
 
 def test_in_one_setting_the_fold_is_the_assessment(reduction: Reduction) -> None:
     seen = observations(reduction, 6, 6)
     expected = assess(History(tuple(seen)), pump_type("h225"), circuit_parameters("shared_return"), THRESHOLDS)
-    placed = [PlacedObservation(o, Setting()) for o in reversed(seen)]
-    assert fold(known(placed)) == expected
-    assert fold(known([])) == ()
+    placed = [Placed(o, Setting()) for o in seen]
+    assert folded(placed) == expected
+    assert folded([]) == ()
 
 
 def test_each_aircraft_is_judged_in_its_own_circuit(reduction: Reduction) -> None:
     seen = observations(reduction, 10, 5)
     drained = Setting(circuit="separate_drain")
-    placed = [PlacedObservation(o, Setting() if i < 5 else drained) for i, o in enumerate(seen)]
-    both = fold(known(placed))
-    before = fold(known(placed[:5]))
-    after = fold(known(placed[5:]))
+    placed = [Placed(o, Setting() if i < 5 else drained) for i, o in enumerate(seen)]
+    both = folded(placed)
+    before = folded(placed[:5])
+    after = folded(placed[5:])
     assert both[:5] == before
     for together, alone in zip(both[5:], after, strict=True):
         assert together.trend == alone.trend
@@ -69,8 +80,8 @@ def test_each_aircraft_is_judged_in_its_own_circuit(reduction: Reduction) -> Non
 
 def test_flags_count_their_records_until_the_pump_moves(reduction: Reduction) -> None:
     seen = observations(reduction, 4, 2)
-    placed = [PlacedObservation(o, Setting(), ("odd",) if i in (0, 1) else ()) for i, o in enumerate(seen)]
-    flags = [a.verdict.quality.flags for a in fold(known(placed))]
+    placed = [Placed(o, Setting(), ("odd",) if i in (0, 1) else ()) for i, o in enumerate(seen)]
+    flags = [a.verdict.quality.flags for a in folded(placed)]
     assert flags == [("odd (1 record)",), ("odd (2 records)",), (), ()]
 
 
