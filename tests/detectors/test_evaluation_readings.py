@@ -53,6 +53,7 @@ from detectors.evaluation.small_steps import chart_threshold, judged_in_class
 from detectors.evaluation.study import Outcome
 from detectors.evaluation.truth import is_worth_a_word, since_installation
 from detectors.filter_bank import ARRIVAL_KINDS, Bank
+from detectors.state_model import FAULT_KINDS, log_hazards
 from detectors.thresholds import effective
 from detectors.verdict import ESTIMATES, State
 from service.evaluation.forecasts import with_forecasts
