@@ -70,10 +70,17 @@ def demo(
     exit_: Annotated[
         bool, typer.Option("--exit", help="Stop after the table; exit code 1 if a verdict is wrong")
     ] = False,
+    files: Annotated[
+        Path | None, typer.Option(help="Only write the flight records, into this folder", file_okay=False)
+    ] = None,
 ) -> None:
     """Simulate a small fleet, upload it through the API, show its verdicts, leave the server running."""
-    from service.demo.run import compare, free_port, operator_of, served, upload_fleet  # noqa: PLC0415 - heavy, and only here
+    from service.demo.run import compare, free_port, operator_of, served, upload_fleet, write_fleet  # noqa: PLC0415 - heavy, and only here
 
+    if files is not None:
+        n_files = write_fleet(files, flights, seed)
+        console.print(f"{n_files} flight records in {files}", highlight=False, soft_wrap=True)
+        return
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(40))
     host = "127.0.0.1"
     settings = Settings(auth="off")
