@@ -3,19 +3,24 @@
 import math
 import os
 import re
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = ROOT / "docs" / "api.md"
 _BLOCK = re.compile(r"^```console\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _WRITTEN_PORT = "8000"
 _END = "---end-of-command---"
+_LONGEST_S = 120.0
+"""The first start on a machine compiles the twin."""
 _SECRETS_AND_IDS = (
     (re.compile(r"\bcd_[A-Za-z0-9_-]{20,}"), "cd_…"),
     (re.compile(r"\bwhsec_[A-Za-z0-9+/=]{20,}"), "whsec_…"),
@@ -24,7 +29,7 @@ _SECRETS_AND_IDS = (
     (re.compile(r"\b\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d+(?:Z|\+00:00)"), "<now>"),
     (re.compile(r"\b(h225[a-z0-9-]*-\d+)-[0-9a-f]{8}\b"), r"\1-…"),
 )
-_NUMBER = re.compile(r"(?<![\w.:-])-?\d+\.\d+(?:e[-+]?\d+)?(?![\w.:])")
+_NUMBER = re.compile(r"(?<![\w.-])-?\d+\.\d+(?:e[-+]?\d+)?(?![\w.:])")
 
 
 @dataclass
@@ -110,15 +115,7 @@ def outputs(blocks: list[list[Step]], folder: Path) -> Iterator[str]:
             command = step.command.replace(_WRITTEN_PORT, str(port))
             shell.stdin.write(f"{command}\necho {_END}\n")
             shell.stdin.flush()
-            lines = []
-            for line in shell.stdout:
-                before, end, _ = line.partition(_END)
-                lines.append(before)
-                if end:
-                    break
-            else:
-                raise RuntimeError(f"the shell ended in: {step.command}")
-            output = "".join(lines)
+            output = _said(shell, shell.stdout, step.command)
             yield normalised(output if not output or output.endswith("\n") else output + "\n", folder, port)
     finally:
         shell.stdin.close()
@@ -130,9 +127,23 @@ def outputs(blocks: list[list[Step]], folder: Path) -> Iterator[str]:
             shell.stdout.close()
 
 
-def _end_group(leader: int) -> None:
-    import signal
+def _said(shell: subprocess.Popen[str], stdout: IO[str], command: str) -> str:
+    """What a command prints until it ends."""
+    watchdog = threading.Timer(_LONGEST_S, _end_group, (shell.pid,))
+    watchdog.start()
+    lines = []
+    try:
+        for line in stdout:
+            before, end, _ = line.partition(_END)
+            lines.append(before)
+            if end:
+                return "".join(lines)
+    finally:
+        watchdog.cancel()
+    raise RuntimeError(f"the shell ended in: {command}\n{''.join(lines)}")
 
+
+def _end_group(leader: int) -> None:
     try:
         os.killpg(leader, signal.SIGKILL)
     except ProcessLookupError:
