@@ -155,9 +155,7 @@ def rewritten(text: str, found: list[str]) -> str:
     queue = iter(found)
 
     def block(match: re.Match[str]) -> str:
-        lines = [
-            "$ " + step.command.replace("\n", "\n> ") + "\n" + next(queue) for step in _steps_of(match.group(1))
-        ]
+        lines = ["$ " + step.command.replace("\n", "\n> ") + "\n" + next(queue) for step in _steps_of(match.group(1))]
         return "```console\n" + "".join(lines) + "```"
 
     return _BLOCK.sub(block, text)

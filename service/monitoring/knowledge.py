@@ -15,6 +15,7 @@ from service.monitoring.archive import Archive
 from service.monitoring.fold import Known, PlacedObservation
 from service.monitoring.placement import Interval, Place, changes, place_at
 from service.monitoring.setting import Setting, setting_at
+from service.parameter_sets import held_type
 from service.tables import (
     ANALYSED,
     SUPERSEDED,
@@ -27,7 +28,6 @@ from service.tables import (
     RegistryVersion,
 )
 from service.threshold_layers import Candidate, Effective
-from twin.pumps import pump_type
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 
@@ -69,8 +69,9 @@ def knowledge(
         Read every record again from its raw bytes, where they are kept.
     """
     rows = counting_records(session, pump.id, known_at)
-    kind, registered = _kind(session, pump, rows, known_at)
-    thresholds = thresholds_of(session, pump.operator, pump.serial, kind, known_at, candidate)
+    name, registered = _kind(session, pump, rows, known_at)
+    kind = held_type(session, pump.operator, name)
+    thresholds = thresholds_of(session, pump.operator, pump.serial, name, known_at, candidate)
     intervals = installation_intervals(session, pump.id, known_at)
     places, placed, anew = {}, [], {}
     aircraft: dict[str, Mapping[str, Any]] = {}
@@ -82,7 +83,7 @@ def knowledge(
         if place.aircraft not in aircraft:
             aircraft[place.aircraft] = registry_values(session, pump.operator, "aircraft", place.aircraft, known_at)
         setting = setting_at(aircraft[place.aircraft], row.started_at)
-        reduction, flags = row.reduction, place.flags + _record_flags(row, kind, registered, setting)
+        reduction, flags = row.reduction, place.flags + _record_flags(row, name, registered, setting)
         if setting not in keys:
             keys[setting] = analysis_key(kind, setting, thresholds)
         if reduce_anew or reduction is None or row.reduced_with != keys[setting]:
@@ -94,8 +95,8 @@ def knowledge(
         placed.append(PlacedObservation(observation_of(row, place, reduction), setting, flags))
         places[row.id] = place
     maintenance = tuple(Maintenance(e.at, e.action) for e in entries(session, MaintenanceEvent, pump.id, known_at))
-    known = Known(pump_type(kind), thresholds.values, tuple(placed), maintenance, changes(intervals))
-    return Knowledge(known, kind, thresholds, places, anew)
+    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals))
+    return Knowledge(known, name, thresholds, places, anew)
 
 
 def counting_records(session: Session, pump_id: int, known_at: datetime | None) -> list[Record]:

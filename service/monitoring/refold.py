@@ -15,7 +15,6 @@ from service.monitoring.codec import trend_to_json, verdict_to_json
 from service.monitoring.fold import fold
 from service.monitoring.knowledge import knowledge
 from service.tables import Pump, Record, StoredAssessment, VerdictRevision
-from twin.pumps import pump_type
 from twin.version import twin_version
 
 
@@ -47,7 +46,7 @@ def refold(session: Session, pump: Pump, archive: Archive, cause: Cause = REPROC
             analysis = found.anew[row.id]
             row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
     pump.pump_type = found.kind
-    version = twin_version(pump_type(found.kind))
+    version = twin_version(found.known.kind)
     before = _states(session, pump)
     assessments = fold(found.known)
     session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
@@ -82,8 +81,8 @@ def verdict_known_at(
     found = knowledge(session, pump, archive, known_at)
     assessments = [a for a in fold(found.known) if at is None or a.at <= at]
     if not assessments:
-        return empty_verdict(found.kind, found.thresholds)
-    version = twin_version(pump_type(found.kind))
+        return empty_verdict(found.known.kind, found.thresholds)
+    version = twin_version(found.known.kind)
     return verdict_to_json(assessments[-1].verdict, version, found.thresholds.version)
 
 

@@ -8,6 +8,7 @@ from service.tables.history import Entry, Finding, Installation, MaintenanceEven
 from service.tables.jobs import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
 from service.tables.mappings import StoredMapping
 from service.tables.operators import Deletion, OperatorSettings
+from service.tables.pump_types import StoredPumpType
 from service.tables.records import (
     ANALYSED,
     REFUSED,
@@ -57,6 +58,7 @@ __all__ = [
     "SignedIn",
     "StoredAssessment",
     "StoredMapping",
+    "StoredPumpType",
     "ThresholdVersion",
     "User",
     "UtcDateTime",

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeGuard
 
 from twin.condition import Condition
 from twin.geometry import geometry_faults
@@ -145,7 +145,9 @@ def _flat(given: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     found: list[tuple[str, Any]] = []
     for name, entry in given.items():
         path = f"{prefix}{name}"
-        nested = isinstance(entry, Mapping) and "value" not in entry and any(isinstance(e, Mapping) for e in entry.values())
+        nested = (
+            isinstance(entry, Mapping) and "value" not in entry and any(isinstance(e, Mapping) for e in entry.values())
+        )
         found += _flat(entry, f"{path}.") if nested else [(path, entry)]
     return found
 
@@ -221,8 +223,13 @@ def _between(
     return float(value)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+def _is_number(value: Any) -> TypeGuard[int | float]:
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False
 
 
 def _text(where: str, value: Any, faults: list[tuple[str, str]]) -> str:
