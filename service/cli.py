@@ -198,13 +198,21 @@ def analyse(
     files: Files,
     output: Annotated[Path | None, typer.Option(help="Folder for the pictures")] = None,
     serial: Annotated[str | None, typer.Option(help="Pump serial, where the files do not say it")] = None,
+    pump: Annotated[
+        str | None, typer.Option(help="Pump type instead of the files' own: a name, or a .toml or .json file")
+    ] = None,
 ) -> None:
     """Analyse files without a server: windows, verdict and picture per pump."""
     from service.monitoring.offline import analyse_files  # noqa: PLC0415 - heavy, and only here
+    from service.parameter_files import named_or_written  # noqa: PLC0415
 
     settings = Settings()
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
-    found = analyse_files(files, limits, {"pump_serial": serial} if serial else {})
+    try:
+        kind = named_or_written(pump) if pump else None
+    except ValueError as error:
+        raise failure(f"--pump {error}", 2) from None
+    found = analyse_files(files, limits, {"pump_serial": serial} if serial else {}, kind)
     for path, problem in found.refused:
         _show_refusal(path, problem)
     for pump in found.pumps:
