@@ -198,8 +198,9 @@ def analyse(
     files: Files,
     output: Annotated[Path | None, typer.Option(help="Folder for the pictures")] = None,
     serial: Annotated[str | None, typer.Option(help="Pump serial, where the files do not say it")] = None,
-    pump: Annotated[
-        str | None, typer.Option(help="Pump type instead of the files' own: a name, or a .toml or .json file")
+    instead: Annotated[
+        str | None,
+        typer.Option("--pump", help="Pump type instead of the files' own: a name, or a .toml or .json file"),
     ] = None,
 ) -> None:
     """Analyse files without a server: windows, verdict and picture per pump."""
@@ -209,7 +210,7 @@ def analyse(
     settings = Settings()
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
     try:
-        kind = named_or_written(pump) if pump else None
+        kind = named_or_written(instead) if instead else None
     except ValueError as error:
         raise failure(f"--pump {error}", 2) from None
     found = analyse_files(files, limits, {"pump_serial": serial} if serial else {}, kind)

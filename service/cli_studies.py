@@ -50,7 +50,7 @@ def identify(
     points: Annotated[Path, typer.Argument(help="Test-bench points: CSV", exists=True, dir_okay=False)],
     output: Annotated[Path, typer.Option(help="Parameter set to write: .toml", dir_okay=False)],
     id_: Annotated[str, typer.Option("--id", help="Name of the new pump type")],
-    pump: Annotated[str, typer.Option(help="Pump type to start from: a name, or a .toml or .json file")] = "h225",
+    pump: Annotated[str, typer.Option(help="Pump type to start from")] = "h225",
     circuit: Annotated[str, typer.Option(help="Circuit that the pump ran in")] = "acceptance_stand",
     free: Annotated[list[str] | None, typer.Option(help="Number to find, e.g. slipper.h; may be repeated")] = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Also write all numbers", dir_okay=False)] = None,

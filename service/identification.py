@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.table import Table
 
 from service.bench_points import PointFaultsError, read_points
-from service.parameter_files import derived_toml, named_or_written
+from service.parameter_files import derived_toml
 from twin.identification import DEFAULT_PARAMETERS, Identification, identify
 from twin.pumps import PUMP_TYPES
 
@@ -36,18 +36,20 @@ def identified(path: Path, output: Path, name: str, pump: str, circuit: str, fre
     OSError
         when a file cannot be read or written.
     """
-    kind = named_or_written(pump)
+    faults = []
+    if pump not in PUMP_TYPES:
+        faults.append(f"--pump {pump}: is not known (known: {', '.join(PUMP_TYPES)}); the new set derives from it")
     if output.suffix.lower() != ".toml":
-        raise ValueError(f"--output {output}: ends not in .toml")
+        faults.append(f"--output {output}: ends not in .toml")
     if name in PUMP_TYPES:
-        raise ValueError(f"--id {name}: there is a pump type of that name already")
-    if kind.name not in PUMP_TYPES:
-        raise ValueError(f"--pump {pump}: give a built-in one ({', '.join(PUMP_TYPES)}); the new set derives from it")
+        faults.append(f"--id {name}: there is a pump type of that name already")
+    if faults:
+        raise ValueError("; ".join(faults))
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise PointFaultsError(["the file is not UTF-8 text"]) from None
-    found = identify(kind, read_points(text), circuit, free or DEFAULT_PARAMETERS)
+    found = identify(PUMP_TYPES[pump], read_points(text), circuit, free or DEFAULT_PARAMETERS)
     source = f"identified from {path.name} on {datetime.now(UTC):%Y-%m-%d}"
     remarks = _remarks(found)
     written = bool(found.changes(source))
@@ -69,9 +71,11 @@ def _table(found: Identification) -> Table:
 def _remarks(found: Identification) -> tuple[str, ...]:
     freedom = f"{found.degrees_of_freedom} degrees of freedom"
     lines = [f"chi-square {found.chi_square:.1f} with {freedom}, p = {found.p_value:.2g}"]
-    for e in found.estimates:
-        if e.path.startswith("circuit."):
-            lines.append(f"{e.path} = {e.value:.5g} {e.unit} belongs to the bench, not to the pump: not written")
+    lines += [
+        f"{e.path} = {e.value:.5g} {e.unit} belongs to the bench, not to the pump: not written"
+        for e in found.estimates
+        if e.path.startswith("circuit.")
+    ]
     for u in found.undetermined:
         beside = f"; cannot be told from {', '.join(u.beside)}" if u.beside else ""
         lines.append(f"{u.path} is not determined by these points and stays at its start{beside}")

@@ -8,13 +8,13 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from twin.identification.problem import DEFAULT_PARAMETERS, Parameter, Point, Problem, parameter_of
-from twin.identification.result import Estimate, Identification, PointResidual, Undetermined, widened
+from twin.identification.result import Estimate, Identification, PointResidual, Undetermined
 from twin.parameters import PumpType
 from twin.pumps.circuits import CIRCUIT_QUANTITIES, CIRCUITS
 
-WEAKEST = 2.0
-"""Smallest singular value of the sensitivities per spread: the points must know a combination of parameters at least
-twice as well as the numbers' sources do."""
+WEAKEST = 1.0
+"""Smallest singular value of the sensitivities per spread: the points must know a combination of parameters better than
+the numbers' sources do."""
 _BESIDE = 0.3
 _Z_90 = 1.6448536269514722
 _POOR_FIT = 0.01
@@ -55,11 +55,13 @@ def identify(
     -----
     Sensitivities are scaled by each parameter's spread and each measurement's standard deviation. While the smallest
     singular value lies below ``WEAKEST``, the parameter with the largest share in that direction is taken out. This is
-    done at the start and again at the solution, because sensitivities change with the parameters.
+    done at the start and again at the solution, because sensitivities change with the parameters. What is held may be
+    wrong by its spread: that widens the intervals of the others (consider covariance, Schmidt 1966).
     """
     problem = _problem(kind, points, circuit, parameters)
     offsets = np.zeros(len(problem.parameters))
     undetermined: list[Undetermined] = []
+    every = problem
     while True:
         problem, offsets, taken = _determined(problem, offsets)
         undetermined += taken
@@ -72,7 +74,7 @@ def identify(
         problem, _, taken = _determined(problem, offsets)
         undetermined += taken
         offsets = np.zeros(len(problem.parameters))
-    return _result(problem, circuit, offsets, tuple(undetermined))
+    return _result(problem, every, circuit, offsets, tuple(undetermined))
 
 
 def _problem(kind: PumpType, points: Sequence[Point], circuit: str, parameters: Sequence[str]) -> Problem:
@@ -133,14 +135,36 @@ def _fitted(problem: Problem, offsets: NDArray[np.float64]) -> NDArray[np.float6
     return solution
 
 
+def _covariance(problem: Problem, every: Problem, offsets: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    """Covariance of the estimates in units of their spreads, shape (n, n).
+
+    ``factor`` widens what the measurements' noise leaves; what the held parameters add is widened by nothing.
+    """
+    if not problem.parameters:
+        return np.zeros((0, 0))
+    at = dict(zip((p.path for p in problem.parameters), offsets, strict=True))
+    jacobian = every.jacobian(np.array([at.get(p.path, 0.0) for p in every.parameters]))
+    is_free = np.array([p.path in at for p in every.parameters])
+    free, held = jacobian[:, is_free], jacobian[:, ~is_free]
+    noise = np.linalg.inv(free.T @ free)
+    shift = noise @ free.T @ held
+    found: NDArray[np.float64] = factor**2 * noise + shift @ shift.T
+    return found
+
+
 def _result(
-    problem: Problem, circuit: str, offsets: NDArray[np.float64], undetermined: tuple[Undetermined, ...]
+    problem: Problem,
+    every: Problem,
+    circuit: str,
+    offsets: NDArray[np.float64],
+    undetermined: tuple[Undetermined, ...],
 ) -> Identification:
     twin, normalised = problem.predicted(offsets), problem.residuals(offsets)
     chi_square, freedom = float(normalised @ normalised), len(normalised) - len(offsets)
     p_value = float(chi2.sf(chi_square, freedom)) if freedom > 0 else 1.0
-    jacobian = problem.jacobian(offsets)
-    scaled = np.linalg.inv(jacobian.T @ jacobian) if len(offsets) else np.zeros((0, 0))
+    is_poor = p_value < _POOR_FIT
+    factor = float(np.sqrt(chi_square / freedom)) if is_poor else 1.0
+    scaled = _covariance(problem, every, offsets, factor)
     to_unit = np.array([p.spread / p.per_unit for p in problem.parameters])
     covariance = scaled * np.outer(to_unit, to_unit)
     deviations = np.sqrt(np.diag(covariance))
@@ -151,12 +175,10 @@ def _result(
         for p, value, sd in zip(problem.parameters, values, deviations, strict=True)
     )
     warnings = _far(problem.parameters, offsets) + _at_bounds(estimates)
-    if p_value < _POOR_FIT:
-        factor = float(np.sqrt(chi_square / freedom))
-        estimates, covariance = widened(estimates, factor), factor**2 * covariance
+    if is_poor:
         warnings.append(
             f"chi-square is {chi_square:.1f} for {freedom} degrees of freedom: the twin does not meet the points within "
-            f"their standard deviations; intervals are widened {factor:.2f}-fold"
+            f"their standard deviations; intervals are widened for it"
         )
     if len({p.condition.fluid_temperature_degc for p in problem.points}) == 1:
         warnings.append("all points have one temperature: what depends on viscosity is not tested elsewhere")

@@ -1,7 +1,7 @@
 """What an identification found: estimates with intervals, what the points leave open, residuals, remarks."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,10 +51,10 @@ class Identification:
     Attributes
     ----------
     covariance, correlation
-        Of the estimates in their units and [-], shape (n, n); given that what is undetermined has its start's value.
+        Of the estimates in their units and [-], shape (n, n); what is undetermined adds its stated spread.
     chi_square, degrees_of_freedom, p_value
         Of the residuals; a p-value below 0.01 says that the twin or the standard deviations do not fit the points,
-        and the standard deviations are widened by the root of chi-square per degree of freedom.
+        and the share of the noise in the covariance is widened by chi-square per degree of freedom.
     """
 
     kind: PumpType
@@ -87,19 +87,6 @@ class Identification:
         document: dict[str, object] = {"id": name, "base": self.kind.name, "title": title, "changes": changes}
         pump_type_from(document, {self.kind.name: self.kind})
         return document
-
-
-def widened(estimates: tuple[Estimate, ...], factor: float) -> tuple[Estimate, ...]:
-    """Estimates with standard deviations times ``factor``."""
-    return tuple(
-        replace(
-            e,
-            standard_deviation=factor * e.standard_deviation,
-            low=e.value - factor * (e.value - e.low),
-            high=e.value + factor * (e.high - e.value),
-        )
-        for e in estimates
-    )
 
 
 def _relative(estimate: Estimate) -> float | None:
