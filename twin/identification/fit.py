@@ -143,13 +143,28 @@ def _covariance(problem: Problem, every: Problem, offsets: NDArray[np.float64], 
     if not problem.parameters:
         return np.zeros((0, 0))
     at = dict(zip((p.path for p in problem.parameters), offsets, strict=True))
-    jacobian = every.jacobian(np.array([at.get(p.path, 0.0) for p in every.parameters]))
-    is_free = np.array([p.path in at for p in every.parameters])
-    free, held = jacobian[:, is_free], jacobian[:, ~is_free]
+    here = np.array([at.get(p.path, 0.0) for p in every.parameters])
+    free = problem.jacobian(offsets)
     noise = np.linalg.inv(free.T @ free)
-    shift = noise @ free.T @ held
+    held = [k for k, p in enumerate(every.parameters) if p.path not in at]
+    shift = np.zeros((len(offsets), len(held)))
+    for column, k in enumerate(held):
+        # a whole spread, not a slope: leakage grows with the cube of a gap
+        shift[:, column] = noise @ free.T @ _worst_change(every, here, k)
     found: NDArray[np.float64] = factor**2 * noise + shift @ shift.T
     return found
+
+
+def _worst_change(every: Problem, here: NDArray[np.float64], k: int) -> NDArray[np.float64]:
+    """Change of the residuals when parameter ``k`` moves by its spread to the side that changes them more."""
+    parameter, before = every.parameters[k], every.residuals(here)
+    changes = []
+    for side in (1.0, -1.0):
+        there = here.copy()
+        low, high = ((b - parameter.start) / parameter.spread for b in (parameter.low, parameter.high))
+        there[k] = np.clip(here[k] + side, low, high)
+        changes.append(every.residuals(there) - before)
+    return max(changes, key=lambda change: float(change @ change))
 
 
 def _result(
