@@ -97,13 +97,12 @@ def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> dict[st
     kind = asked or PUMP_TYPES["h225"]
     wrong = [] if asked else [Fault("body.pump_type", f"{body.pump_type!r} is not one of {known}")]
     try:
-        plan = _plan(body, kind)
-        if wrong:
-            raise Invalid("the study has 1 fault(s)", wrong)
-        found = isolability(plan, kind, circuit_parameters(body.circuit))
+        found = isolability(_plan(body, kind), kind, circuit_parameters(body.circuit))
     except PlanFaultsError as error:
         faults = wrong + [Fault(_place(where), problem) for where, problem in error.faults]
         raise Invalid(f"the study has {len(faults)} fault(s)", faults) from None
+    if wrong:
+        raise Invalid("the study has 1 fault(s)", wrong)
     return isolability_document(found) | {"pump_type": body.pump_type, "circuit": body.circuit}
 
 

@@ -218,6 +218,9 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", f"{API}/twin/simulation"): Entry("viewer", f"{API}/twin/simulation", body=_RUN),
     ("GET", "/"): Entry(PAGE, "/"),
     ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
+    # forms: they ask for a session and its token, which tests/service/test_page_forms.py has
+    ("POST", "/alarms/{alarm_id}/{action}"): Entry(OPEN, "/alarms/{alarm}/acknowledge"),
+    ("POST", "/pumps/{serial}/findings"): Entry(OPEN, "/pumps/{pump}/findings"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-out"): Entry(OPEN, "/sign-out"),

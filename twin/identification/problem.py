@@ -85,7 +85,8 @@ class Problem:
     def values(self, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
         """Parameters [SI], shape (len(parameters),)."""
         start = np.array([p.start for p in self.parameters])
-        return start + offsets * np.array([p.spread for p in self.parameters])
+        found: NDArray[np.float64] = start + offsets * np.array([p.spread for p in self.parameters])
+        return found
 
     def predicted(self, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
         """The twin's value of every measurement in the order of ``places``; NaN without a solution."""

@@ -159,7 +159,8 @@ def _quantity(where: str, given: Any, like: Quantity, named_unit: bool, faults: 
         return like
     known = ("value", "unit", "source", "uncertainty")
     faults += [(f"{where}.{name}", "is not a field of a quantity") for name in given if name not in known]
-    value, unit, spread = given.get("value"), given.get("unit"), given.get("uncertainty")
+    value: Any = given.get("value")
+    unit, spread = given.get("unit"), given.get("uncertainty")
     before = len(faults)
     if not _is_number(value):
         faults.append((f"{where}.value", "is missing or not a finite number"))
