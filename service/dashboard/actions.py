@@ -90,7 +90,7 @@ def _answered(
 ) -> Response:
     """Check who sends the form, do it, and lead on; what is wrong becomes a page with the way back."""
     context = context_of(request)
-    link = "/"
+    link = None
     try:
         if context.settings.auth_is_on:
             visitor = visitor_of(request)
