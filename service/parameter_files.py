@@ -23,7 +23,7 @@ def named_or_written(text: str) -> PumpType:
         return PUMP_TYPES[text]
     path = Path(text)
     if path.suffix.lower() not in (".toml", ".json"):
-        raise ValueError(f"{text} is not known (known: {', '.join(PUMP_TYPES)}, or a .toml or .json file)")
+        raise ValueError(f"{text}: is not known (known: {', '.join(PUMP_TYPES)}, or a .toml or .json file)")
     try:
         content = path.read_text(encoding="utf-8")
         document = tomllib.loads(content) if path.suffix.lower() == ".toml" else json.loads(content)
