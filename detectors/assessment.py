@@ -11,7 +11,7 @@ from detectors import wording
 from detectors.anchor import anchors, reference_condition
 from detectors.estimates import estimates
 from detectors.filter_bank import SPAWN_EVERY, Bank, Measurement
-from detectors.isolation import Alarm, Decision, Evidence, decided, evidence
+from detectors.isolation import Alarm, Decision, Evidence, decided, evidence, secondary
 from detectors.measurement import Measured, measured_windows
 from detectors.observation import History, Maintenance, Observation, Residual
 from detectors.state_model import FAULT_KINDS
@@ -229,7 +229,7 @@ def _verdict(
         confidence=max(probabilities.values()),
         probabilities=probabilities,
         candidates=decision.candidates,
-        secondary=None,
+        secondary=secondary(found, state),
         sensor=_sensor(bank, found) if state is State.SENSOR_FAULT else None,
         estimates=values,
         minimum_detectable=smallest,

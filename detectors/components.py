@@ -1,10 +1,12 @@
-"""What differs between pumps, aircraft and sensors: the components of the state, by number and by name."""
+"""What differs between pumps, aircraft and sensors: the components of the state, by number and by name.
+
+A filter's state holds them in their order, with a fault's amplitude and rate before those that only lines of a burst
+show: histories without bursts leave the tail of the state alone. What only a fault moves is no part of the state.
+"""
 
 COMPONENTS: tuple[str, ...] = (
     "ln_slipper",  # own slipper leakage over the nominal one, logarithm
     "ln_laminar",  # the same of pistons and port plate
-    "slipper_extra",  # leakage that came on top, with the slippers' temperature law [L/min at the reference]
-    "laminar_extra",  # with the law of a laminar gap [L/min at the reference]
     "throttled",  # with the law of an orifice [L/min at 175 bar]
     "bleed",  # from the control pressure [L/min]
     "system_orifice",  # leak of the circuit [L/min at 175 bar]
@@ -22,13 +24,13 @@ COMPONENTS: tuple[str, ...] = (
     "ln_ripple",  # order n of discharge pressure against the twin's, logarithm
     "ln_case_ripple",  # order n of case pressure against the twin's, logarithm
     "once",  # discharge pressure's line at once per revolution [bar]
+    "slipper_extra",  # leakage that came on top, with the slippers' temperature law [L/min at the reference]
+    "laminar_extra",  # with the law of a laminar gap [L/min at the reference]
 )
 N_COMPONENTS = len(COMPONENTS)
 (
     LN_SLIPPER,
     LN_LAMINAR,
-    SLIPPER_EXTRA,
-    LAMINAR_EXTRA,
     THROTTLED,
     BLEED,
     SYSTEM_ORIFICE,
@@ -46,5 +48,16 @@ N_COMPONENTS = len(COMPONENTS)
     LN_RIPPLE,
     LN_CASE_RIPPLE,
     ONCE,
+    SLIPPER_EXTRA,
+    LAMINAR_EXTRA,
 ) = range(N_COMPONENTS)
 INDEX = {name: i for i, name in enumerate(COMPONENTS)}
+
+AMPLITUDE, RATE = LN_RIPPLE, LN_RIPPLE + 1
+"""Places of a fault's amplitude and of its change per record in a filter's state."""
+N_LIVING = SLIPPER_EXTRA
+"""Components that live in a filter's state; those after them are moved by faults alone."""
+N_SLOW, N_STATE = LN_RIPPLE + 2, N_LIVING + 2
+"""Size of the part of a state that means can show, and of the whole."""
+PLACE = {name: i if i < LN_RIPPLE else i + 2 for name, i in INDEX.items()}
+"""Places of the components in a filter's state; beyond N_STATE for those that only faults move."""

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.filter_bank import Bank, directions_of
-from detectors.filter_kernel import case_flow
+from detectors.filter_bank import DIRECTIONS, Bank
+from detectors.filter_kernel import mean_case_flow
 from detectors.isolation import QUANTITIES, Evidence
 from detectors.state_model import FAULT_KINDS
 from detectors.verdict import Estimate
@@ -58,14 +58,7 @@ def _in_percent(logarithm: Estimate) -> Estimate:
 
 def _case_flow(bank: Bank, weights: Array, reference: Array) -> Estimate:
     """Case flow at the reference condition, from the likeliest filters; each filter's spread through its slopes."""
-    likely = np.argsort(weights)[: -_N_LIKELY - 1 : -1]
-    share = weights[likely] / weights[likely].sum()
-    mean, second = 0.0, 0.0
-    for w, f in zip(share, likely, strict=True):
-        flow, variance = case_flow(bank.mean[f], bank.covariance[f], directions_of(int(bank.kind[f])), reference)
-        mean += w * flow
-        second += w * (variance + flow**2)
-    return _interval(float(mean), math.sqrt(max(second - mean**2, 0.0)))
+    return _interval(*mean_case_flow(bank.mean, bank.covariance, bank.kind, weights, DIRECTIONS, reference, _N_LIKELY))
 
 
 def _interval(mean: float, sd: float) -> Estimate:

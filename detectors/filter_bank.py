@@ -10,22 +10,26 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import INDEX, N_COMPONENTS
-from detectors.filter_kernel import N_MEASURED, advance, step
+from detectors.anchor import COLUMN
+from detectors.components import AMPLITUDE, N_COMPONENTS, N_SLOW, N_STATE, PLACE, RATE
+from detectors.filter_kernel import N_MEASURED, ZERO, advance, step
 from detectors.filter_refit import fit_anew
 from detectors.filter_summary import ARRIVAL, RAMP, spawned
+from detectors.regulation import N_FEATURES, Regulation
 from detectors.state_model import (
-    AMPLITUDE,
     FAULT_KINDS,
+    FREE_SETTING_WALK_BAR,
+    GONE,
     MEASURED_RESERVOIR_SD_BAR,
     N_KINDS,
-    N_STATE,
     UNMEASURED_RESERVOIR_WALK_BAR,
     directions,
     kind_scales,
+    log_hazards,
     prior,
     walk_variance,
 )
+from detectors.verdict import State
 from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
@@ -33,12 +37,14 @@ Integers = NDArray[np.int64]
 
 HEALTHY = -1
 SPAWN_EVERY = 4
-MOST_ONSETS = 5
+_MOST_STEPS, _MOST_RAMPS = 5, 4
+"""Onsets of one kind that are kept: where a ramp began matters less than where a step stood."""
 _FIRST_RECORDS = 5
 _FIRST_ITERATIONS = 3
 _FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 """Records after which every filter is fitted to its whole history anew (``detectors.filter_refit``)."""
-_NOWHERE = np.empty(0)
+_UNSEEN = np.full(N_FEATURES, np.nan)
+_UNSEEN.flags.writeable = False
 ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
 """Mean and spread of what a pump leaks on top that arrives worn: the acceptance limit lies 0.2 above the nominal pump's
@@ -49,27 +55,33 @@ ARRIVAL_FLOOR_LPM = 0.5
 """Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
 _LOG_ARRIVAL = float(np.log(0.04))
 """Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
-LOG_HAZARD = float(np.log(1.0e-3))
-"""Prior of one kind of fault setting in, as a step or as a ramp, within the spacing of onset candidates (estimate)."""
 RAMP_RECORDS = 30.0
 """Records in which a ramp of one sigma grows by a fault's scale: wide enough for 0.04 L/min a flight, and not so wide
 that 0.004 would be punished (estimate)."""
-_LOG_PRIORS = np.array([LOG_HAZARD, LOG_HAZARD, _LOG_ARRIVAL])
+_LOG_PRIORS = np.vstack((log_hazards(), np.full(N_KINDS, _LOG_ARRIVAL)))
 _AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
 """Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
 _RATE_WALK = 0.05
 """Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
-_CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * 2 * MOST_ONSETS
+_CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
 
-_DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
+DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
+"""What each kind of fault moves per unit of amplitude, zeros for the healthy pump last, shape (N_KINDS + 1, N_COMPONENTS)."""
+_MOST_PASSES = 6
+_MOST_ONSETS = np.array(
+    [
+        [_MOST_STEPS * (k.sudden is not None) for k in FAULT_KINDS],
+        [_MOST_RAMPS * (k.growing is not None) for k in FAULT_KINDS],
+    ]
+)
+_MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
+_IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
+_BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
+_BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
+_OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
+_WARMTH = COLUMN["warmth"]
 _WALK = walk_variance()
-
-
-def directions_of(kind: int) -> Array:
-    """What a kind of fault moves per unit of amplitude; zeros for the healthy pump (-1), shape (N_COMPONENTS,)."""
-    direction: Array = _DIRECTIONS[kind]
-    return direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +100,8 @@ class Measurement:
         answers to each component, shape (2, N_COMPONENTS).
     reservoir_measured
         False where the pump type's nominal reservoir pressure stands in for a sensor.
+    regulation
+        Logarithms of how the pressure is regulated (``detectors.regulation``), NaN where not seen, shape (N_FEATURES,).
     """
 
     values: Array
@@ -96,6 +110,7 @@ class Measurement:
     anchor: Array
     ripple: Array
     reservoir_measured: bool
+    regulation: Array = field(default_factory=lambda: _UNSEEN)
 
 
 @dataclass(slots=True)
@@ -109,8 +124,12 @@ class Bank:
     kind, shape, onset
         Index into ``FAULT_KINDS`` (-1: healthy), ``STEP`` or ``RAMP``, and the record number at which the fault
         sets in, shape (M,).
+    alive
+        How much of the state is alive: all, or N_SLOW as long as the history held no line.
     log_evidence
         Log of prior times product of predictive densities, shape (M,).
+    setting_at_onset
+        The setting when the fault set in, shape (M,).
     """
 
     pump: PumpType
@@ -120,6 +139,8 @@ class Bank:
     shape: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
     onset: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
     log_evidence: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
+    setting_at_onset: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
+    alive: int = N_SLOW
     n: int = 1
     records: int = 0
     reservoir_measured: bool = True
@@ -127,6 +148,7 @@ class Bank:
     base_mean: Array = field(default_factory=lambda: np.zeros(N_STATE))
     base_covariance: Array = field(default_factory=lambda: np.zeros((N_STATE, N_STATE)))
     base_records: int = 0
+    regulation: Regulation = field(default_factory=Regulation)
 
     def __post_init__(self) -> None:
         """Start with the population's spread: the healthy pump, and those that arrive worn."""
@@ -156,33 +178,58 @@ class Bank:
                 self._set_reservoir(measurement.reservoir_measured)
             iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
             self._take(measurement, iterations)
+            self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.records += 1
         self.learnt.append(measurements)
+        self._accept()
         if self.records - self.base_records in _FITTED_ANEW_AT:
-            for _ in range(2 if self.records - self.base_records <= 16 else 1):
-                self._fit_anew()
+            self._fit_anew()
         settled = self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0
         # half a bar of unknown reservoir pressure is as much as a worn pump makes: without the sensor nobody can say
         if settled or not self.reservoir_measured:
             self._keep(np.flatnonzero(self.shape[: self.n] != ARRIVAL))
 
+    def _accept(self) -> None:
+        """Let the healthy pump go on from where a healthy change took it, once that is beyond doubt."""
+        n = self.n
+        changed = np.flatnonzero(_IS_HEALTHY[self.kind[:n]] & (self.onset[:n] <= self.records - _BEYOND_DOUBT_RECORDS))
+        if not len(changed):
+            return
+        likeliest = changed[self.log_evidence[changed].argmax()]
+        gone = self.kind[likeliest] == GONE
+        # a fault that is gone leaves nothing of what was thought of it; a new fluid says nothing of other faults
+        rivals = np.flatnonzero(self.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
+        if self.log_evidence[likeliest] < self.log_evidence[rivals].max() + _BEYOND_DOUBT:
+            return
+        into = np.eye(N_STATE)
+        for name, share in FAULT_KINDS[self.kind[likeliest]].moves:
+            into[PLACE[name], AMPLITUDE] = share
+        into[AMPLITUDE] = into[RATE] = 0.0
+        self.mean[0] = into @ self.mean[likeliest]
+        self.covariance[0] = into @ self.covariance[likeliest] @ into.T
+        self.log_evidence[0] = self.log_evidence[likeliest]
+        self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
+        self._rebase()
+
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
         self._take(measurement, 1)
+        self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.learnt[-1] = (*self.learnt[-1], measurement)
 
     def _fit_anew(self) -> None:
-        """Fit every filter to everything learnt since the base, linearised about where it stands now."""
+        """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""
         n = self.n
-        rows = np.flatnonzero((self.kind[:n] == HEALTHY) | (self.onset[:n] >= self.base_records))
+        kind = self.kind[:n]
+        rows = np.flatnonzero((kind == HEALTHY) | ((kind != GONE) & (self.onset[:n] >= self.base_records)))
         held = self.log_evidence[0]
         taken = [(i, m) for i, measurements in enumerate(self.learnt) for m in measurements]
         seen = np.zeros((len(taken), N_MEASURED), dtype=np.bool_)
         for place, (_, m) in enumerate(taken):
             seen[place, m.seen] = True
-        amplitude, rate = self._wander()
+        amplitude, rate, setting = self._wander()
         fit_anew(
             self.mean,
             self.covariance,
@@ -190,6 +237,7 @@ class Bank:
             self.shape,
             self.onset,
             self.log_evidence,
+            self.setting_at_onset,
             rows,
             self.base_mean,
             self.base_covariance,
@@ -201,13 +249,16 @@ class Bank:
             self._walk(),
             amplitude,
             rate,
-            _DIRECTIONS,
+            setting,
+            DIRECTIONS,
             np.array([m.anchor for _, m in taken]),
             np.array([m.ripple for _, m in taken]),
             np.array([m.values for _, m in taken]),
             np.array([m.noise for _, m in taken]),
             seen,
             np.array([self.base_records + i for i, _ in taken]),
+            self.alive,
+            _MOST_PASSES,
         )
         self.log_evidence[rows] += held - self.log_evidence[0]
         self.log_evidence[:n] -= self.log_evidence[:n].max()
@@ -222,35 +273,38 @@ class Bank:
         if self.reservoir_measured:
             return _WALK
         walk = _WALK.copy()
-        walk[INDEX["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
+        walk[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
         return walk
 
-    def _wander(self) -> tuple[Array, Array]:
-        """Variance of each filter's amplitude and of its rate from record to record."""
+    def _wander(self) -> tuple[Array, Array, Array]:
+        """Variance of each filter's amplitude, of its rate and of a setting that moves beside it, per record."""
         kinds, shape = self.kind[: self.n], self.shape[: self.n]
         amplitude = (_AMPLITUDE_WALK[shape] * _SCALES[kinds]) ** 2
-        return amplitude, np.where(shape == RAMP, (_RATE_WALK * _SCALES[kinds] / RAMP_RECORDS) ** 2, 0.0)
+        rate = np.where(shape == RAMP, (_RATE_WALK * _SCALES[kinds] / RAMP_RECORDS) ** 2, 0.0)
+        return amplitude, rate, np.where(_MOVES_SETTING[kinds], FREE_SETTING_WALK_BAR**2, 0.0)
 
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
-        amplitude, rate = self._wander()
-        advance(self.mean, self.covariance, self.n, self._walk(), amplitude, rate)
+        advance(self.mean, self.covariance, self.n, self._walk(), *self._wander())
+        self.regulation.pass_time()
 
     def _take(self, measurement: Measurement, iterations: int) -> None:
+        if measurement.seen[-1] > ZERO:
+            self.alive = N_STATE
         step(
             self.mean,
             self.covariance,
             self.kind,
             self.log_evidence,
             self.n,
-            _DIRECTIONS,
+            DIRECTIONS,
             measurement.anchor,
             measurement.ripple,
             measurement.values,
             measurement.noise,
             measurement.seen,
+            self.alive,
             iterations,
-            _NOWHERE,
         )
 
     def spawn(self) -> None:
@@ -262,13 +316,24 @@ class Bank:
             self.shape,
             self.onset,
             self.log_evidence,
+            self.setting_at_onset,
             self.n,
             self.records,
             _SCALES[:-1],
             RAMP_RECORDS,
-            LOG_HAZARD,
-            MOST_ONSETS,
+            _LOG_PRIORS,
+            self._most_onsets(),
         )
+        self.regulation.spawn()
+
+    def _most_onsets(self) -> Integers:
+        """How many onsets are kept by shape and kind: none of what this history cannot tell from another kind."""
+        most = _MOST_ONSETS.copy()
+        if self.alive == N_SLOW:
+            most[:, _BY_LINES] = 0
+        if not self.reservoir_measured:
+            most[:, _OF_RESERVOIR] = 0
+        return most
 
     def reset(self, components: tuple[str, ...]) -> None:
         """After maintenance that touched ``components`` their spread is the population's again.
@@ -277,15 +342,26 @@ class Bank:
         """
         touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
         self._keep(np.flatnonzero(~touched[self.kind[: self.n]]))
+        if "setting" in components:
+            # the compensator was opened: it regulates as it does now
+            self.regulation = Regulation()
         _, sd = prior(self.pump)
         for name in components:
-            self._forget(INDEX[name], sd[INDEX[name]])
+            self._forget(PLACE[name], sd[PLACE[name]])
         self._rebase()
 
     def _keep(self, rows: Integers) -> None:
         """Drop every filter but these, in their order."""
         n = len(rows)
-        for array in (self.mean, self.covariance, self.kind, self.shape, self.onset, self.log_evidence):
+        for array in (
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.shape,
+            self.onset,
+            self.log_evidence,
+            self.setting_at_onset,
+        ):
             array[:n] = array[rows]
         self.n = n
 
@@ -296,7 +372,7 @@ class Bank:
         covariance[:, place, place] = sd**2
 
     def _set_reservoir(self, measured: bool) -> None:
-        place = INDEX["reservoir"]
+        place = PLACE["reservoir"]
         spread = MEASURED_RESERVOIR_SD_BAR if measured else self.pump.population["reservoir_pressure_bar"].value
         self._forget(place, spread)
         self.mean[: self.n, place] = 0.0

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.anchor import COLUMN, anchors
-from detectors.components import INDEX, N_COMPONENTS, SLIPPER_EXTRA
-from detectors.filter_kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, RIPPLE, ZERO, predicted
+from detectors.components import AMPLITUDE, COMPONENTS, INDEX, N_COMPONENTS, N_LIVING, PLACE, SLIPPER_EXTRA
+from detectors.filter_kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, N_SLOPES, RIPPLE, ZERO, predicted
 from detectors.isolability_plan import Plan, PlanFaultsError
 from detectors.residuals import (
     TEMPERATURE_SD_K,
@@ -22,7 +22,7 @@ from detectors.residuals import (
     TWIN_DISCHARGE_SD_BAR,
 )
 from detectors.ripple import CASE_RIPPLE_SD, LINE_SD_BAR, RIPPLE_SD, ripples, surfaces_of
-from detectors.state_model import N_STATE, UNMEASURED_RESERVOIR_WALK_BAR, prior, walk_variance
+from detectors.state_model import UNMEASURED_RESERVOIR_WALK_BAR, prior, walk_variance
 from detectors.zero import UNMEASURED_RESERVOIR_SD_BAR
 from twin.burst import DITHER, amplitude_error, resolution_of
 from twin.condition import Condition
@@ -37,6 +37,7 @@ ZERO_SE_BAR = 0.0005
 the conditions together."""
 LARGEST_LEAKAGE_LPM = 1.2
 """Leakage on top of the healthy pump's that the case sensor's range should still hold."""
+_PLACES = [PLACE[name] for name in COMPONENTS]
 _SIGMAS = 2.0
 """Spread of reservoir and setting that a range must hold."""
 _GOLDEN, _SILVER = (math.sqrt(5.0) - 1.0) / 2.0, math.sqrt(2.0) - 1.0
@@ -138,15 +139,16 @@ def temperatures(plan: Plan) -> Array:
 
 def _linearised(rows: Array, mean: Array, relative: Array) -> Iterator[tuple[Array, Array, float]]:
     """What each window shows of the healthy pump, (6,), its slopes, (6, N_COMPONENTS), and a worn pump's case pressure."""
-    full, slopes, y, worn = np.empty(N_COMPONENTS), np.empty((2, N_COMPONENTS)), np.empty(N_MEASURED), mean.copy()
-    worn[SLIPPER_EXTRA] += LARGEST_LEAKAGE_LPM
-    nothing = np.zeros(N_COMPONENTS)
+    full, slopes, y, worn = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(N_MEASURED), mean.copy()
+    worn[AMPLITUDE] = LARGEST_LEAKAGE_LPM
+    nothing, leak = np.zeros(N_COMPONENTS), np.zeros(N_COMPONENTS)
+    leak[SLIPPER_EXTRA] = 1.0
     for row in rows:
-        H = np.empty((N_MEASURED, N_STATE))
-        predicted(worn, nothing, row, relative, full, slopes, y, H)
+        H = np.empty((N_MEASURED, N_SLOPES))
+        predicted(worn, leak, row, relative, full, slopes, y, H)
         highest = float(y[CASE])
         predicted(mean, nothing, row, relative, full, slopes, y, H)
-        yield y.copy(), H[:, :N_COMPONENTS].copy(), highest
+        yield y.copy(), H[:, _PLACES], highest
 
 
 def _flight(
@@ -210,7 +212,8 @@ def _line_error(sensor: Sensor, noise_bar: float) -> float:
 def _spreads(plan: Plan, pump: PumpType) -> tuple[Array, Array]:
     """Prior and walk variances: the judge's own, where they belong to a sensor in proportion to its accuracy."""
     _, sd = prior(pump)
-    variance, walk = sd[:N_COMPONENTS] ** 2, walk_variance()[:N_COMPONENTS]
+    variance, walk = np.zeros(N_COMPONENTS), np.zeros(N_COMPONENTS)  # what only faults move has no spread of its own
+    variance[:N_LIVING], walk[:N_LIVING] = sd[_PLACES[:N_LIVING]] ** 2, walk_variance()[_PLACES[:N_LIVING]]
     by_case = _worse(plan.sensors.case, pump.sensors["case_pressure_bar"]) ** 2
     variance[INDEX["case_offset"]] *= by_case
     walk[INDEX["case_offset"]] *= by_case

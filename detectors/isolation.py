@@ -32,6 +32,7 @@ class Evidence:
     ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
     ``weights`` are the filters' shares, shape (m,); ``shares`` are those of
     the faults among what changed since the first record; ``arrival`` is the probability that the pump came worn;
+    ``together`` holds the shares of two faults by the first and the second, shape (n, n) in the order of ``FAULTS``;
     ``moments`` belong to ``QUANTITIES``: see ``detectors.filter_summary.summed``.
     """
 
@@ -40,6 +41,7 @@ class Evidence:
     weights: Array
     shares: Mapping[State, float]
     arrival: float
+    together: Array
     moments: Array
 
 
@@ -73,6 +75,7 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     floors[_IS_SENSOR] = thresholds["sensor_shift_bar"]
     weights, moments = np.empty(n), np.empty((len(QUANTITIES), 4))
     sums, changed = np.empty(len(FAULTS) + 1), np.empty(len(FAULTS) + 1)
+    together = np.empty((len(FAULTS), len(FAULTS)))
     arrival = summed(
         bank.mean[:n],
         bank.covariance[:n],
@@ -80,16 +83,25 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         bank.shape[:n],
         bank.onset[:n],
         bank.log_evidence[:n],
+        bank.setting_at_onset[:n],
         bank.records,
         _SIGNS,
         floors,
         _STATES,
+        _BESIDE,
+        _SETTING,
+        _SCALES,
         _GROUPS,
         weights,
         sums,
         changed,
+        together,
         moments,
     )
+    # what regulation shows is independent of the means: it stands against the pump that is healthy by them
+    odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
+    for of in (sums, changed):
+        of[_COMPENSATOR] += of[-1] * odds
     posterior = _shares(sums)
     probabilities = {State.HEALTHY: float(posterior[-1])}
     probabilities |= {f: float(p) for f, p in zip(FAULTS, posterior[:-1], strict=True)}
@@ -101,6 +113,7 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         weights=weights,
         shares={f: float(v) for f, v in zip(FAULTS, _shares(changed[:-1]), strict=True)},
         arrival=arrival,
+        together=together,
         moments=moments,
     )
 
@@ -130,6 +143,15 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
     return following, Decision(State.INDETERMINATE, candidates)
 
 
+def secondary(found: Evidence, state: State) -> State | None:
+    """The fault that more likely than not came beside the named one; None for none."""
+    if state not in FAULTS:
+        return None
+    row = found.together[FAULTS.index(state)]
+    place = int(row.argmax())
+    return FAULTS[place] if row[place] > 0.5 * found.probabilities[state] else None
+
+
 def _group(component: str) -> int:
     """Number of the quantity that a component counts for; -1 for none."""
     return next((i for i, names in enumerate(QUANTITIES.values()) if component in names), -1)
@@ -142,7 +164,13 @@ def _shares(sums: Array) -> Array:
     return shares
 
 
+_COMPENSATOR = FAULTS.index(State.COMPENSATOR_FAULT)
+_MOST_LOG_ODDS = 600.0
 _STATES = np.array([FAULTS.index(k.state) if k.state in FAULTS else len(FAULTS) for k in FAULT_KINDS] + [len(FAULTS)])
+_BESIDE = np.array([-1 if k.beside is None else FAULTS.index(k.beside) for k in FAULT_KINDS] + [-1])
+_MOVED = next(k for k in FAULT_KINDS if k.component == "setting")
+_SETTING = np.array([_MOVED.scale, _MOVED.floor, float(_group(_MOVED.component))])
+_SCALES = np.array([k.scale for k in FAULT_KINDS] + [1.0])
 _FLOORS = np.array([k.floor for k in FAULT_KINDS] + [0.0, ARRIVAL_FLOOR_LPM])
 _IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False, False])
 _SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])

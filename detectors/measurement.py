@@ -13,6 +13,7 @@ from detectors.filter_bank import Measurement
 from detectors.filter_kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, RIPPLE, ZERO
 from detectors.observation import Observation, Residual, Window, WindowKind, Zero
 from detectors.reduced_twin import nominal_pressures
+from detectors.regulation import N_FEATURES, Feature
 from detectors.residuals import (
     TEMPERATURE_SD_K,
     case_noise_sd,
@@ -106,7 +107,10 @@ def _with_lines(
             supplement = _lines(plain, burst.reduction.spectrum, twin, relative, pump)
             if supplement is not plain:
                 only = supplement.seen[supplement.seen > ZERO]
-                supplements[burst.record_id] = replace(supplement, seen=only)
+                # the window's own scatter was learnt with the window
+                fresh = supplement.regulation.copy()
+                fresh[Feature.SCATTER] = np.nan
+                supplements[burst.record_id] = replace(supplement, seen=only, regulation=fresh)
         found[observation.record_id] = Measured((*rest, whole), measured.residuals, supplements)
     return found
 
@@ -131,7 +135,14 @@ def _lines(
     values[LINE] = once.amplitude_bar
     noise[LINE, LINE] = once.standard_error_bar**2 + LINE_SD_BAR**2
     seen.append(LINE)
-    return replace(measurement, values=values, noise=noise, seen=np.array(seen), ripple=relative)
+    regulation = measurement.regulation.copy()
+    discharge = spectrum.channels["discharge_pressure_bar"]
+    if discharge.regulation_hz is not None:
+        # swings that the ripple measures would be counted twice by the samples' scatter
+        regulation[Feature.SCATTER] = np.nan
+        regulation[Feature.RIPPLE] = math.log(discharge.ripple_bar)
+        regulation[Feature.FREQUENCY] = math.log(discharge.regulation_hz)
+    return replace(measurement, values=values, noise=noise, seen=np.array(seen), ripple=relative, regulation=regulation)
 
 
 def _judged(observation: Observation) -> list[Window]:
@@ -154,7 +165,10 @@ def _measurement(window: Window, zero: Zero, anchor: Array, pump: PumpType, *, w
     if reservoir_measured:
         noise[:2, :2] += reservoir_noise_sd(window, pump) ** 2
     seen = [DISCHARGE, CASE] + ([ZERO] if zero.measured and with_zero else [])
-    return Measurement(values, noise, np.array(seen), anchor, NO_RIPPLE, reservoir_measured)
+    regulation = np.full(N_FEATURES, np.nan)
+    if window.scatter_bar is not None:
+        regulation[Feature.SCATTER] = math.log(window.scatter_bar)
+    return Measurement(values, noise, np.array(seen), anchor, NO_RIPPLE, reservoir_measured, regulation)
 
 
 def _residuals(window: Window, zero: Zero, anchor: Array, pump: PumpType) -> dict[str, Residual]:

@@ -45,6 +45,7 @@ class Window:
     """One stretch of a record; ``reason`` says why it was rejected, None when accepted.
 
     ``means`` maps channel names to means over the stretch. They are as measured: no zero is taken out.
+    ``scatter_bar`` is the one-sigma of the discharge pressure's samples, None where they cannot tell.
     """
 
     kind: WindowKind
@@ -53,6 +54,7 @@ class Window:
     accepted: bool
     reason: str | None
     means: Mapping[str, Mean]
+    scatter_bar: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

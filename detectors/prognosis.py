@@ -27,8 +27,20 @@ _DIFFUSIONS = ((0.0, 0.4), (3e-4, 0.4), (3e-3, 0.2))
 """Variance of the level gained over a life, in squares of the way to the limit, and its prior share."""
 _NOISES = ((1.0, 0.7), (1.6, 0.3))
 """Factor on the stated standard deviations, and its prior share."""
-_LAWS = ((0.0, 0.0, 0.3), (0.0, 3.0, 0.1), (1.0, 0.0, 0.25), (2.0, 0.0, 0.25), (3.0, 0.0, 0.1))
-"""Growth of the drift over the track (exponent), its wander over a life in squares of a typical drift, share."""
+_LAWS = (
+    (0.0, 0.0, 0.3),
+    (0.0, 3.0, 0.1),
+    (0.5, 0.0, 0.15),
+    (1.0, 0.0, 0.15),
+    (1.5, 0.0, 0.12),
+    (2.0, 0.0, 0.1),
+    (3.0, 0.0, 0.08),
+)
+"""Growth of the drift over the track (exponent), its wander over a life in squares of a typical drift, share.
+
+A track holds some half of a life, so pace that rises e-fold over the life is 0.5 here: without laws between the whole
+numbers such wear was followed by none of them and 80 % intervals held 64 % of the truths.
+"""
 _DRIFTS = (0.3, 1.0, 3.0, 10.0)
 """Drift at the track's end in units of the way to the limit over a life."""
 _HORIZON_LIVES = 10.0

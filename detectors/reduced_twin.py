@@ -32,7 +32,41 @@ _COUNTED = 175.0
 """Pressure difference at which leaks of the circuit and throttled leakage are counted [bar]."""
 _SLIPPER_VISCOSITY = 0.5
 """Exponent of slipper leakage in viscosity: between its land (1) and its throttle (0)."""
-N_OUTPUTS = 2
+_LEAST_WEIGHT = 0.1
+_UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE)
+"""Components that move neither pressure."""
+
+
+@compiled
+def _weight(own: float) -> tuple[float, float]:
+    """A weight of the drain's law and its slope: itself, but never far below zero, for a drain cannot push."""
+    if own >= 0.0:
+        return own, 1.0
+    shrunk = np.exp(own / _LEAST_WEIGHT)
+    return _LEAST_WEIGHT * (shrunk - 1.0), shrunk
+
+
+@compiled
+def _slope(
+    slopes: Array,
+    i: int,
+    by: tuple[float, float, float, float, float, float],
+    gaps: float,
+    difference: float,
+    other: float,
+    circuit: float,
+    direct: float,
+) -> None:
+    """Carry what a component moves at first hand on to both pressures and the case flow.
+
+    Leakage of the gaps at the anchor, regulated difference, other case flow, leak of the circuit, and case pressure
+    itself; ``by`` is how they hang together: the regulated difference over its anchor, the slopes of case flow and of
+    the circuit's leak by it, the share of the case flow in the return line, the slopes of return and drain line.
+    """
+    r, Q_c_by_D, Q_sys_by_D, shared, R_i, R_c = by
+    flow = r * gaps + other + Q_c_by_D * difference
+    case = R_i * (circuit + Q_sys_by_D * difference + shared * flow) + R_c * flow + direct
+    slopes[0, i], slopes[1, i], slopes[2, i] = case + difference, case, flow
 
 
 @compiled
@@ -40,9 +74,8 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     """Discharge and case pressure without sensor offsets [bar gauge] into ``y``, shape (2,); case flow [L/min].
 
     ``anchor`` is one row of ``detectors.anchor``; ``full`` the components of ``detectors.components``, shape (N,);
-    ``slopes``, shape (2, N), receives the derivatives.
+    ``slopes``, shape (3, N), receives the derivatives of both and of the case flow.
     """
-    N = c.N_COMPONENTS
     e_s = np.exp(full[c.LN_SLIPPER] - _SLIPPER_VISCOSITY * full[c.LN_VISCOSITY])
     e_l = np.exp(full[c.LN_LAMINAR] - full[c.LN_VISCOSITY])
     d = np.exp(full[c.LN_DROOP])
@@ -86,7 +119,8 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     if shared < 0.5:
         drop_i, R_i = 0.0, 0.0
     k_c = anchor[_DRAIN] * np.exp(full[c.LN_DRAIN])
-    w_nu, w_Q = anchor[_W_NU] + full[c.DRAIN_VISCOSITY], anchor[_W_Q] + full[c.DRAIN_FLOW]
+    w_nu, nu_by = _weight(anchor[_W_NU] + full[c.DRAIN_VISCOSITY])
+    w_Q, Q_by = _weight(anchor[_W_Q] + full[c.DRAIN_FLOW])
     nu = anchor[_NU] * np.exp(full[c.LN_VISCOSITY])
     drop_c = drain_pressure_drop(Q_c, k_c, w_nu, w_Q, nu, anchor[_Q_REF])
     R_c = k_c * (w_nu * nu + 2.0 * w_Q * abs(Q_c) / anchor[_Q_REF] + 1.0 - w_nu - w_Q)
@@ -95,78 +129,47 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
 
     Q_c_by_D = (slip + lam) / D_0 + 0.5 * throttled / (root * D_0)
     Q_sys_by_D = 0.5 * sys_o / (np.sqrt(share) * _COUNTED) + sys_l * law_sys / _COUNTED
-    for i in range(N):
-        dD, dQ, dC, dS, direct = 0.0, 0.0, 0.0, 0.0, 0.0
-        if i == c.LN_SLIPPER:
-            dQ = slip_0 * e_s
-            dD = d * anchor[_BY_SLIPPERS] * dQ
-            dC = anchor[_C_SLIPPERS] * dQ
-        elif i == c.LN_LAMINAR:
-            dQ = lam_0 * e_l
-            dD = d * anchor[_BY_LAMINAR] * dQ
-            dC = anchor[_C_LAMINAR] * dQ
-        elif i == c.SLIPPER_EXTRA:
-            dQ = anchor[_SLIPPER_LAW]
-            dD = d * anchor[_BY_SLIPPERS] * dQ
-            dC = anchor[_C_SLIPPERS] * dQ
-        elif i == c.LAMINAR_EXTRA:
-            dQ = anchor[_LAMINAR_LAW]
-            dD = d * anchor[_BY_LAMINAR] * dQ
-            dC = anchor[_C_LAMINAR] * dQ
-        elif i == c.THROTTLED:
-            dD = d * anchor[_BY_THROTTLED]
-            dC = root + anchor[_C_THROTTLED]
-        elif i == c.BLEED:
-            dD = d * anchor[_BY_BLEED]
-            dC = anchor[_C_BLEED]
-        elif i == c.SYSTEM_ORIFICE:
-            dD = d * anchor[_BY_SYSTEM]
-            dC = anchor[_C_SYSTEM]
-            dS = np.sqrt(share)
-        elif i == c.SYSTEM_LAMINAR:
-            dD = d * anchor[_BY_SYSTEM] * law_sys
-            dC = anchor[_C_SYSTEM] * law_sys
-            dS = law_sys * share
-        elif i == c.SETTING:
-            dD = set_by
-            dC = anchor[_C_SETTING]
-        elif i == c.SOFTENING:
-            dD = anchor[_WARMTH]
-        elif i == c.LN_DROOP:
-            dD = d * (anchor[_DROOP] + sagging + (anchor[_BY_SETTING] - 1.0) * full[c.SETTING])
-        elif i == c.LN_DRAIN:
-            direct = drop_c
-        elif i == c.DRAIN_VISCOSITY:
-            direct = k_c * Q_c * (nu - 1.0)
-        elif i == c.DRAIN_FLOW:
-            direct = k_c * Q_c * (abs(Q_c) / anchor[_Q_REF] - 1.0)
-        elif i == c.RESERVOIR:
-            direct = 1.0
-        elif i == c.CASE_WARMTH:
-            direct = anchor[_WARMTH]
-        elif i == c.LN_VISCOSITY:
-            dQ = -_SLIPPER_VISCOSITY * slip_0 * e_s - lam_0 * e_l
-            dD = d * (
-                -_SLIPPER_VISCOSITY * anchor[_BY_SLIPPERS] * slip_0 * e_s
-                - anchor[_BY_LAMINAR] * lam_0 * e_l
-                - anchor[_BY_SYSTEM] * law_sys * sys_l
-            )
-            dC = (
-                -_SLIPPER_VISCOSITY * anchor[_C_SLIPPERS] * slip_0 * e_s
-                - anchor[_C_LAMINAR] * lam_0 * e_l
-                - anchor[_C_SYSTEM] * law_sys * sys_l
-            )
-            dS = -law_sys * sys_l * share
-            direct = k_c * Q_c * w_nu * nu
-        case_flow = r * dQ + dC + Q_c_by_D * dD
-        dP_c = R_i * (dS + Q_sys_by_D * dD + shared * case_flow) + R_c * case_flow + direct
-        slopes[0, i] = dP_c + dD
-        slopes[1, i] = dP_c
+    # per unit of each component: leakage of the gaps at the anchor, regulated difference, other case flow, circuit's leak
+    by = (r, Q_c_by_D, Q_sys_by_D, shared, R_i, R_c)
+    b_s, b_l, b_sys = d * anchor[_BY_SLIPPERS], d * anchor[_BY_LAMINAR], d * anchor[_BY_SYSTEM]
+    c_s, c_l, c_sys = anchor[_C_SLIPPERS], anchor[_C_LAMINAR], anchor[_C_SYSTEM]
+    own_s, own_l = slip_0 * e_s, lam_0 * e_l
+    law_s, law_l, leak_l = anchor[_SLIPPER_LAW], anchor[_LAMINAR_LAW], law_sys * sys_l
+    droop = d * (anchor[_DROOP] + sagging + (anchor[_BY_SETTING] - 1.0) * full[c.SETTING])
+    _slope(slopes, c.LN_SLIPPER, by, own_s, b_s * own_s, c_s * own_s, 0.0, 0.0)
+    _slope(slopes, c.LN_LAMINAR, by, own_l, b_l * own_l, c_l * own_l, 0.0, 0.0)
+    _slope(slopes, c.SLIPPER_EXTRA, by, law_s, b_s * law_s, c_s * law_s, 0.0, 0.0)
+    _slope(slopes, c.LAMINAR_EXTRA, by, law_l, b_l * law_l, c_l * law_l, 0.0, 0.0)
+    _slope(slopes, c.THROTTLED, by, 0.0, d * anchor[_BY_THROTTLED], root + anchor[_C_THROTTLED], 0.0, 0.0)
+    _slope(slopes, c.BLEED, by, 0.0, d * anchor[_BY_BLEED], anchor[_C_BLEED], 0.0, 0.0)
+    _slope(slopes, c.SYSTEM_ORIFICE, by, 0.0, b_sys, c_sys, np.sqrt(share), 0.0)
+    _slope(slopes, c.SYSTEM_LAMINAR, by, 0.0, b_sys * law_sys, c_sys * law_sys, law_sys * share, 0.0)
+    _slope(slopes, c.SETTING, by, 0.0, set_by, anchor[_C_SETTING], 0.0, 0.0)
+    _slope(slopes, c.SOFTENING, by, 0.0, anchor[_WARMTH], 0.0, 0.0, 0.0)
+    _slope(slopes, c.LN_DROOP, by, 0.0, droop, 0.0, 0.0, 0.0)
+    _slope(slopes, c.LN_DRAIN, by, 0.0, 0.0, 0.0, 0.0, drop_c)
+    _slope(slopes, c.DRAIN_VISCOSITY, by, 0.0, 0.0, 0.0, 0.0, k_c * Q_c * (nu - 1.0) * nu_by)
+    _slope(slopes, c.DRAIN_FLOW, by, 0.0, 0.0, 0.0, 0.0, k_c * Q_c * (abs(Q_c) / anchor[_Q_REF] - 1.0) * Q_by)
+    _slope(slopes, c.CASE_WARMTH, by, 0.0, 0.0, 0.0, 0.0, anchor[_WARMTH])
+    _slope(slopes, c.RESERVOIR, by, 0.0, 0.0, 0.0, 0.0, 1.0)
+    thinner_s, thinner_l = -_SLIPPER_VISCOSITY * own_s, -own_l
+    _slope(
+        slopes,
+        c.LN_VISCOSITY,
+        by,
+        thinner_s + thinner_l,
+        b_s * thinner_s + b_l * thinner_l - b_sys * leak_l,
+        c_s * thinner_s + c_l * thinner_l - c_sys * leak_l,
+        -leak_l * share,
+        k_c * Q_c * w_nu * nu,
+    )
+    for i in _UNSEEN:
+        slopes[0, i], slopes[1, i], slopes[2, i] = 0.0, 0.0, 0.0
     return float(Q_c)
 
 
 def nominal_pressures(anchor: Array) -> tuple[float, float]:
     """Discharge and case pressure of the nominal healthy pump at an anchor [bar gauge]."""
     y = np.empty(2)
-    pressures(anchor, np.zeros(c.N_COMPONENTS), y, np.empty((2, c.N_COMPONENTS)))
+    pressures(anchor, np.zeros(c.N_COMPONENTS), y, np.empty((3, c.N_COMPONENTS)))
     return float(y[0]), float(y[1])

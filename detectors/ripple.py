@@ -69,6 +69,8 @@ def ripples(
     slopes = np.zeros((len(rows), len(CHANNELS), N_COMPONENTS))
     for component, name in _MOVES.items():
         slopes[:, :, INDEX[component]] = relative[:, :, INPUTS.index(name)]
+    # thicker fluid lets less through gaps: by its square root through a throttled slipper
+    slopes[:, :, INDEX["ln_viscosity"]] = -0.5 * slopes[:, :, INDEX["ln_slipper"]] - slopes[:, :, INDEX["ln_laminar"]]
     reference = input_rows([reference_condition(pump)], [Health()])
     at = operating_points(pump.pump, reference, circuit)
     # leakage on top of the nominal one counts at the reference: a share of what leaks there

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2, norm
+from scipy.special import ndtri
+from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
@@ -42,7 +43,7 @@ def proportion(successes: int, trials: int, confidence: float = 0.95) -> Score:
         raise ValueError(f"{successes} successes of {trials} trials at a confidence of {confidence:g} are impossible")
     if trials == 0:
         return Score(math.nan, 0.0, 1.0)
-    z, p = float(norm.ppf(0.5 + 0.5 * confidence)), successes / trials
+    z, p = float(ndtri(0.5 + 0.5 * confidence)), successes / trials
     centre = (p + z**2 / (2 * trials)) / (1 + z**2 / trials)
     reach = z / (1 + z**2 / trials) * math.sqrt(p * (1 - p) / trials + z**2 / (4 * trials**2))
     low = 0.0 if successes == 0 else centre - reach

@@ -72,6 +72,8 @@ class ChannelSpectrum:
         Smallest difference between two samples [bar].
     dithered
         False where noise is below a third of the resolution, so that amplitudes below it cannot be trusted.
+    regulation_hz
+        Mean frequency of the ripple below order 1, geometric and weighed by power [Hz]; None where no ripple stands out.
     """
 
     lines: tuple[OrderLine, ...]
@@ -80,6 +82,7 @@ class ChannelSpectrum:
     limit_cycle: LimitCycle | None
     resolution_bar: float
     dithered: bool
+    regulation_hz: float | None = None
 
     def line(self, order: int) -> OrderLine:
         """Line of one of the orders.

@@ -35,6 +35,7 @@ _BAND = (0.04, 0.85)
 _FLOOR_UNTIL = 6.0
 """Order up to which the white floor is taken: the fit has left no lines there."""
 _FALSE_ALARM = 1.0e-4
+_RIPPLE_STANDS_OUT = 10.0
 _BEAT_KEPT = 0.3
 _BEAT_PERIODS = 8
 _DITHER = 1.0 / 3.0
@@ -211,7 +212,7 @@ def _channel(
     residual = np.concatenate([fit.residual for fit in fits])
     noise = float(np.nanstd(residual))
     resolution = _resolution(samples)
-    ripple, cycle = _regulation(max((fit.residual for fit in fits), key=len), rate, shaft_hz)
+    ripple, frequency, cycle = _regulation(max((fit.residual for fit in fits), key=len), rate, shaft_hz)
     return ChannelSpectrum(
         tuple(
             OrderLine(order, float(a), float(e), p)
@@ -222,6 +223,7 @@ def _channel(
         cycle,
         resolution,
         noise >= _DITHER * resolution,
+        frequency,
     )
 
 
@@ -234,8 +236,8 @@ def _resolution(samples: Samples) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-def _regulation(residual: Samples, rate: float, shaft_hz: float) -> tuple[float, LimitCycle | None]:
-    """Ripple below order 1 beyond the white floor [bar], and the strongest line there."""
+def _regulation(residual: Samples, rate: float, shaft_hz: float) -> tuple[float, float | None, LimitCycle | None]:
+    """Ripple below order 1 beyond the white floor [bar], its mean frequency [Hz], and the strongest line there."""
     x = np.where(np.isfinite(residual), residual, 0.0)
     m = len(x)
     window = np.hanning(m)
@@ -246,11 +248,17 @@ def _regulation(residual: Samples, rate: float, shaft_hz: float) -> tuple[float,
     inside = (hz > _BAND[0] * shaft_hz) & (hz < _BAND[1] * shaft_hz)
     above = (hz > 1.15 * shaft_hz) & (hz < _FLOOR_UNTIL * shaft_hz)
     if inside.sum() < 16:
-        return 0.0, None
+        return 0.0, None, None
     # the median of an exponential law is ln 2 of its mean, and lines do not move it
     floor = float(np.median(power[above])) / math.log(2.0)
     ripple = math.sqrt(max(2.0 * float((power[inside] - floor).sum()) / m, 0.0))
-    return ripple, _strongest(x, power, hz, inside, rate)
+    # power of noise alone strays by the root of the number of bins: a mean of less than ten of that is noise's own
+    beyond = power[inside] - floor
+    frequency = None
+    if beyond.sum() > _RIPPLE_STANDS_OUT * floor * math.sqrt(inside.sum()):
+        frequency = math.exp(float(beyond @ np.log(hz[inside])) / float(beyond.sum()))
+        frequency = min(max(frequency, _BAND[0] * shaft_hz), _BAND[1] * shaft_hz)
+    return ripple, frequency, _strongest(x, power, hz, inside, rate)
 
 
 def _strongest(x: Samples, power: Samples, hz: Samples, inside: NDArray[np.bool_], rate: float) -> LimitCycle:

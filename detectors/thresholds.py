@@ -37,7 +37,7 @@ KEYS: tuple[ThresholdKey, ...] = (
     ThresholdKey("alarm_on_log_odds", "nat", 5.0, 0.5, 30.0, "log odds of a fault at which an alarm counts up"),
     ThresholdKey("alarm_off_log_odds", "nat", 1.0, -5.0, 30.0, "log odds below which an alarm ends"),
     ThresholdKey("alarm_records", "records", 4.0, 1.0, 20.0, "records in a row above the on-level before an alarm"),
-    ThresholdKey("side_probability", "-", 0.97, 0.5, 0.9999, "share of one fault among all faults to be named"),
+    ThresholdKey("side_probability", "-", 0.95, 0.5, 0.9999, "share of one fault among all faults to be named"),
     ThresholdKey("side_records", "records", 12.0, 1.0, 50.0, "records in a row above that share before it is named"),
     ThresholdKey("candidate_probability", "-", 0.05, 0.001, 0.5, "share from which a fault stays a candidate"),
     ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),

@@ -33,7 +33,7 @@ def _flight(i: int) -> Observation:
         "fluid_temperature_degc": Mean(50.0, 0.1),
         "reservoir_pressure_bar": Mean(0.0, 0.001),
     }
-    window = Window(WindowKind.ZERO_FLOW, 50.0, 150.0, True, None, means)
+    window = Window(WindowKind.ZERO_FLOW, 50.0, 150.0, True, None, means, 0.3)
     at = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(days=i)
     return Observation(str(i), at, "warm-up", "LH", str(i), Reduction(Zero(0.0, 0.007, measured=True), (window,), None))
 

@@ -6,6 +6,7 @@ draws a constant flow with the controls at rest cannot be seen from here; it is 
 """
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,8 @@ LOWEST_SPEED_FRACTION = 0.7
 LOWEST_PRESSURE_FRACTION = 0.85
 MOST_MISSING = 0.2
 _SEGMENTS = 4
+_FEWEST_FOR_SCATTER = 16
+_NOISE_SIGMAS = 3.0
 _CHANNELS = (*REQUIRED_CHANNELS[1:], *(c for c in OPTIONAL_CHANNELS if c != "flight_control_activity"))
 
 
@@ -149,8 +152,9 @@ def _unsteady(blocks: _Blocks, pump: PumpType, thresholds: Mapping[str, float], 
     for name, sensor in pump.sensors.items():
         if name not in blocks.channels:
             continue
-        swing, allowed = _swing(blocks.channels[name][first:end]), share * sensor.full_scale_bar
-        if swing > allowed:
+        part = blocks.channels[name][first:end]
+        swing, allowed = _swing(part), share * sensor.full_scale_bar
+        if swing > allowed + _NOISE_SIGMAS * _error_of_quarters(part):
             reasons.append(f"mean of {_words(name)} varies by {swing:.3f} bar; limit {allowed:.3f} bar")
     return "; ".join(reasons) or None
 
@@ -159,6 +163,18 @@ def _swing(values: NDArray[np.float64]) -> float:
     """Largest difference between the medians of the stretch's quarters: spikes and noise do not count."""
     medians = [float(np.nanmedian(q)) for q in np.array_split(values, _SEGMENTS) if np.isfinite(q).any()]
     return max(medians) - min(medians) if medians else 0.0
+
+
+def _error_of_quarters(values: NDArray[np.float64]) -> float:
+    """One-sigma of the medians of the quarters from the values' own noise: swinging samples are no drifting mean.
+
+    The noise is taken from neighbours, so that neither a drift nor a single step counts as noise.
+    """
+    steps = np.diff(values[np.isfinite(values)])
+    if len(steps) < _FEWEST_FOR_SCATTER:
+        return 0.0
+    sigma = 1.4826 * float(np.median(np.abs(steps))) / math.sqrt(2.0)
+    return 1.2533 * sigma / math.sqrt(len(values) / _SEGMENTS)
 
 
 def _window(
@@ -182,7 +198,21 @@ def _window(
         mean = mean_with_error(recording[name][inside], resolution)
         if mean is not None:
             means[name] = mean
-    return Window(kind, start_s, min(end_s, float(recording.time_s[-1])), reason is None, reason, means)
+    end_s = min(end_s, float(recording.time_s[-1]))
+    scatter = _scatter(recording["discharge_pressure_bar"][inside])
+    return Window(kind, start_s, end_s, reason is None, reason, means, scatter)
+
+
+def _scatter(samples: NDArray[np.float64]) -> float | None:
+    """One-sigma of the samples about a straight line, spikes apart; None for too few, or where all are alike."""
+    clean = without_spikes(samples)
+    at = np.flatnonzero(np.isfinite(clean))
+    if len(at) < _FEWEST_FOR_SCATTER:
+        return None
+    x = at / len(clean) - 0.5
+    off = clean[at] - np.polynomial.polynomial.polyval(x, np.polynomial.polynomial.polyfit(x, clean[at], 1))
+    sd = math.sqrt(float(off @ off) / (len(at) - 2))
+    return sd if sd > 0.0 else None
 
 
 def unchanging_channels(recording: Recording, window: Window, names: Sequence[str]) -> tuple[str, ...]:

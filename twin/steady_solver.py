@@ -42,6 +42,7 @@ _COMMUTES = tuple(
         "pump_leakage_scale",
         "slipper_leakage_scale",
         "piston_leakage_scale",
+        "control_bleed_lpm",
     )
     for name in INPUTS
 )
@@ -115,8 +116,7 @@ def _jacobian(
     for j in range(N_UNKNOWNS):
         kept = u[j]
         u[j] = kept + _STEP * _U[j]
-        # P_c moves the commutations by leakage alone, too little to be worth their price in a search
-        there = commute(pump, warmth, row, u) if j in (0, 2) else changes
+        there = commute(pump, warmth, row, u) if j < N_COMMUTING else changes
         evaluate(pump, circuit, warmth, there, row, k_d, u, F_2, Y)
         u[j] = kept
         for i in range(N_UNKNOWNS):
@@ -124,10 +124,13 @@ def _jacobian(
 
 
 @compiled
-def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: Vector, work: Matrix) -> bool:
+def solve(
+    pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: Vector, work: Matrix, near: bool
+) -> bool:
     """Drive the residuals to zero from the guess in ``u``; True when solved. ``work`` is (WORK_ROWS, 5) of scratch.
 
-    While a step wins two digits its Jacobian serves the next one too: near the solution it hardly changes.
+    While a step wins three digits its Jacobian serves the next one too: near the solution it hardly changes. ``near`` says
+    that ``work`` holds the Jacobian of a neighbour: it is tried first.
     """
     F, F_2, kept, J, spent = work[0], work[1], work[2], work[3:8], work[8:13]
     b = work[13].reshape((N_UNKNOWNS, 1))
@@ -135,7 +138,7 @@ def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: V
     changes = commute(pump, warmth, row, u)
     evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
     norm = _norm(F, k_d)
-    reused = False
+    reused = near
     for _ in range(_MAX_ITERATIONS):
         if norm < _TOLERANCE:
             return True
@@ -171,7 +174,7 @@ def solve(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: V
             # at the floor of rounding no step improves: accept what is solved for every purpose
             if not reused:
                 return _norm(F, k_d) < 1.0e4 * _TOLERANCE
-        reused = improved and norm < 0.01 * before
+        reused = improved and norm < 1.0e-3 * before
     return norm < 1.0e4 * _TOLERANCE
 
 
@@ -185,10 +188,10 @@ def solve_cold(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector,
             if not solved:
                 row[DROOP] = droop
                 start(pump, row, k_d, at_stop, u)
-                solved = solve(pump, circuit, row, k_d, u, Y, work)
+                solved = solve(pump, circuit, row, k_d, u, Y, work, False)
         while solved and row[DROOP] > asked:
             row[DROOP] = max(asked, 0.5 * row[DROOP] - 0.01)
-            solved = solve(pump, circuit, row, k_d, u, Y, work)
+            solved = solve(pump, circuit, row, k_d, u, Y, work, False)
         if solved:
             break
     row[DROOP] = asked
@@ -278,7 +281,7 @@ def solve_batch(
         elif not is_in_range(row):
             status[i] = OUT_OF_RANGE
         else:
-            solved = warm and solve(pump, circuit, row, k_d[i], u, Y[i], work)
+            solved = warm and solve(pump, circuit, row, k_d[i], u, Y[i], work, True)
             solved = solved or solve_cold(pump, circuit, row, k_d[i], u, Y[i], work)
             # an imposed flow beyond the delivery pulls the fully tilted pump down to the return line or lower
             starved = not Y[i, 0] > Y[i, 2] or (not solved and u[2] > pump.swashplate.alpha_max)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.laws.bench import drain_pressure_drop, return_pressure_drop
-from twin.laws.compressibility import Medium, medium_of, relative_compressibility, relative_density
+from twin.laws.compressibility import P_FLOOR, Medium, medium_of, relative_compressibility, relative_density
 from twin.laws.fluid import (
     P_ATMOSPHERE,
     Film,
@@ -38,7 +38,7 @@ from twin.laws.metering_edge import Edge
 from twin.parameters import Circuit, Pump, Slipper
 from twin.parts.circuit import P_COUNTED, counted_conductance
 from twin.parts.commutation import Change, Commutations, Support, commutations
-from twin.parts.compensator import bleed_conductance, edge_of, inlet, jet_stiffness, outlet
+from twin.parts.compensator import bleed_conductance, edge_of, inlet, jet_stiffness, outlet, seal_conductance
 from twin.parts.drive import friction_torque
 from twin.parts.piston import chamber_volume, volume_by_tilt
 from twin.parts.servo import carried_inertia, rate_arm, rate_leakage, spring_torque, stroking_arm, stroking_leakage
@@ -144,21 +144,29 @@ def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
     land = row[5] * row[6] * _land_flow(pump.slipper, warmth, mu, P_d, P_c)
     reach = piston.R * t
     ring = row[5] * row[7] * annular_gap_flow(P_d, P_c, mu, piston.d_p, piston.b, 1.0, piston.e_rel * piston.b, 0.0)
-    rise = Change(V_max * strain, land + ring / (piston.l_mean - reach), 0.0)
-    fall = Change(V_min * strain, land + ring / (piston.l_mean + reach), 1.0)
+    # share of the fluid that half of the pressure takes, from either end
+    middle = (relative_density(medium, 0.5 * (P_d + P_s)) - relative_density(medium, P_s)) / strain
+    bend = (2.0 * middle - 1.0) / (1.0 - middle)
+    rise = Change(V_max * strain, land + ring / (piston.l_mean - reach), 0.0, bend, (P_FLOOR - P_s) / dP)
+    fall = Change(V_min * strain, land + ring / (piston.l_mean + reach), 1.0, -bend / (1.0 + bend), -1.0)
 
     # the control volume as the plate feels it: what leaves it over bleed and stroking piston enters over the spool
     port = pump.port_plate
     delays = 2.0 * (port.phi_commutation + port.phi_seal)
     dP_ctrl, share = control_pressure_difference(pump, s, omega, dP, delays)
-    mu_out = film_viscosity(warmth.film, P_c + dP_ctrl, P_c)
-    bleed = bleed_conductance(pump.compensator, dP_ctrl, warmth.rho)
+    dP_in = max(P_d - P_c - dP_ctrl, dP_ctrl)
+    mu_in, mu_out = film_viscosity(warmth.film, P_d, P_d - dP_in), film_viscosity(warmth.film, P_c + dP_ctrl, P_c)
+    seal_in = seal_conductance(pump.compensator, mu_in, pump.compensator.l_seal_discharge)
+    seal_out = seal_conductance(pump.compensator, mu_out, pump.compensator.l_seal_case)
+    turbulent = bleed_conductance(pump.compensator, dP_ctrl, warmth.rho)
+    laminar = stroking_leakage(servo, mu_out) + seal_out
+    fed = (laminar + turbulent) * dP_ctrl + row[9] * _LPM
     # laminar passages give way in proportion, turbulent ones by half
-    conductance = stroking_leakage(servo, mu_out) + 0.5 * bleed
-    conductance += 0.5 * bleed * dP_ctrl / max(P_d - P_c - dP_ctrl, dP_ctrl)
+    conductance = laminar + 0.5 * turbulent + 0.5 * (fed / dP_in + seal_in)
     capacity = relative_compressibility(medium, P_c + dP_ctrl) * pump.volumes.control
     J = pump.swashplate.J + carried_inertia(servo, t)
-    support = Support(J, pump.swashplate.damping, stroking_arm(servo, t), capacity, conductance, share)
+    stiffness = servo.k_rate * servo.L_rate**2 * (1.0 + t * t) ** 2
+    support = Support(J, pump.swashplate.damping, stiffness, stroking_arm(servo, t), capacity, conductance, share)
     swing, arm = 0.5 * (V_max - V_min), volume_by_tilt(piston, t, 1.0)
     return commutations(port, support, rise, fall, piston.n, swing, arm, dP, v_0, omega)
 
@@ -216,7 +224,7 @@ def evaluate(
     V_min = chamber_volume(piston, t_max, t, -1.0)
     V_max = chamber_volume(piston, t_max, t, 1.0)
     r_d, r_s = relative_density(medium, P_d), relative_density(medium, P_s)
-    Q_pump = piston.n * omega / (2.0 * math.pi) * (r_s * V_max - r_d * V_min)
+    Q_pump = piston.n * omega / (2.0 * math.pi) * (r_s * V_max - r_d * V_min + changes.drawn)
 
     half = 0.5 * piston.n
     scale = row[5]
@@ -250,8 +258,11 @@ def evaluate(
     rate_leak = rate_leakage(servo, mu_d) * (P_d - P_c)
     Q_comp = outflow + rate_leak
 
-    leak_d = piston_d - drag + slipper_d + plate_d + throttled + rate_leak
-    leak_s = piston_s + drag + slipper_s + plate_s
+    # what a chamber still leaks after its discharge port has shut, its suction replaces
+    shut = plate.phi_commutation - plate.phi_seal
+    carried = piston.n / (2.0 * math.pi) * (changes.falling - shut) * (ring_d + land_d)
+    leak_d = piston_d - drag + slipper_d - carried + plate_d + throttled + rate_leak
+    leak_s = piston_s + drag + slipper_s + carried + plate_s
     Q_c = leak_d + leak_s + Q_comp - rate_leak
     k_c = circuit.k_c * (1.0 + circuit.k_c_slope * (T - circuit.T_ref)) * row[12]
     k_inf = circuit.k_inf * (1.0 + circuit.k_inf_slope * (T - circuit.T_ref))

@@ -53,6 +53,23 @@ class Growing:
 
 
 @dataclass(frozen=True, slots=True)
+class WearingOut:
+    """Grows to ``amount`` over ``flights`` from ``onset``, linearly or by ``exp(growth)`` in pace; both take turns."""
+
+    kinds: tuple[str, ...]
+    amount: float
+    flights: int = 290
+    onset: int = 10
+    growths: tuple[float, ...] = (0.0, 2.0)
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        run = np.clip((np.arange(n_flights) - self.onset + 1) / self.flights, 0.0, 1.0)
+        growth = self.growths[chunk // len(self.kinds) % len(self.growths)]
+        share = np.expm1(growth * run) / np.expm1(growth) if growth else run
+        return (Course(self.kinds[chunk % len(self.kinds)], np.tile(self.amount * share, (n_pumps, 1))),)
+
+
+@dataclass(frozen=True, slots=True)
 class Stepping:
     """There with its full ``amount`` from flight ``onset`` on; kinds take turns over the chunks."""
 
@@ -63,6 +80,38 @@ class Stepping:
     def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
         size = self.amount * (np.arange(n_flights) >= self.onset)
         return (Course(self.kinds[chunk % len(self.kinds)], np.tile(size, (n_pumps, 1))),)
+
+
+@dataclass(frozen=True, slots=True)
+class ComingAndGoing:
+    """There with its full ``amount`` for ``on`` flights from ``onset`` on, gone for ``off``, there again."""
+
+    kinds: tuple[str, ...]
+    amount: float
+    on: int = 25
+    off: int = 15
+    onset: int = 40
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        since = np.arange(n_flights) - self.onset
+        size = self.amount * ((since >= 0) & (since % (self.on + self.off) < self.on))
+        return (Course(self.kinds[chunk % len(self.kinds)], np.tile(size, (n_pumps, 1))),)
+
+
+@dataclass(frozen=True, slots=True)
+class SmallStep:
+    """Steps in inside the judge's own world (``detectors.evaluation.small_steps``) and stays.
+
+    ``kind`` is one of ``state_model.FAULT_KINDS``; ``information`` what it gives away in the mean [nat a record] while
+    it is looked for: its size follows from that, pump by pump.
+    """
+
+    kind: str
+    information: float = 0.2
+    onset: int = 60
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        return ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +143,11 @@ class Row:
         Pumps arrive with a case flow at the reference above 2.2 L/min.
     by_records
         Sized by healthy records in each reality instead of by pumps: false alarms are counted per record.
+    moved_at
+        Flight from which the pump sits in another aircraft, with that one's drain, sensors and climate; changes count
+        from there anew.
+    limit
+        Case flow at the reference [L/min] on the way to which forecasts are asked; None: none are.
     """
 
     name: str
@@ -104,6 +158,8 @@ class Row:
     sensing: Sensing = field(default_factory=Sensing)
     worn: bool = False
     by_records: bool = False
+    moved_at: int | None = None
+    limit: float | None = None
 
     @property
     def onset(self) -> int | None:
@@ -117,9 +173,31 @@ class Row:
         """Whether exactly one answer is right: no second fault beside the first."""
         return not isinstance(self.course, SideBySide)
 
+    @property
+    def in_class(self) -> bool:
+        """Whether the world is the judge's own, which says nothing of other worlds: such rows are never pooled."""
+        return isinstance(self.course, SmallStep)
+
 
 HEALTHY = "healthy"
 _CASE_ZERO = Sensing(case_zero_step=0.06, step_at=40)
+SMALL_STEP = "small step: "
+SMALL_STEP_KINDS = {
+    "leakage, slippers": (State.PUMP_DEGRADATION, "L/min"),
+    "setting": (State.COMPENSATOR_FAULT, "bar"),
+    "system leakage, orifice": (State.SYSTEM_LEAKAGE, "L/min"),
+    "drain restriction": (State.DRAIN_RESTRICTION, "-"),
+}
+_SMALL_STEPS = tuple(
+    Row(SMALL_STEP + kind, state, 200, SmallStep(kind), unit) for kind, (state, unit) in SMALL_STEP_KINDS.items()
+)
+LIFE, LONG_LIFE = "life to the limit of 1.5 L/min", "life to a limit of 2.5 L/min"
+"""The acceptance sheet's limit lies 0.2 L/min above the nominal pump, little more than the error of the case flow; the
+other one several times as far."""
+_EVEN = ("slippers", "port plate")
+_AFTER_MOVE = Growing(LEAKS, 0.6, flights=115, onset=80)
+_INTERMITTENT = ComingAndGoing(("system",), 3.0)
+"""Four spells of 25 flights with 15 between them; the last one stands at the end."""
 PLAIN_ROWS: tuple[Row, ...] = (
     Row(HEALTHY, State.HEALTHY, 250, by_records=True),
     Row("pump leakage 0.6 L/min", State.PUMP_DEGRADATION, 200, Growing(LEAKS, 0.6), "L/min"),
@@ -129,6 +207,15 @@ PLAIN_ROWS: tuple[Row, ...] = (
     Row("setting 1.5 bar", State.COMPENSATOR_FAULT, 200, Growing(("setting",), -1.5), "bar"),
     Row("setting 3 bar", State.COMPENSATOR_FAULT, 200, Growing(("setting",), -3.0), "bar"),
     Row("edge radius x10", State.COMPENSATOR_FAULT, 200, Growing(("erosion",), 45.0), "um"),
+    Row(
+        "edge radius x10, closed-centre valve",
+        State.COMPENSATOR_FAULT,
+        200,
+        Growing(("erosion, closed-centre valve",), 45.0),
+        "um",
+    ),
+    Row("jamming, sticking spool", State.COMPENSATOR_FAULT, 200, Growing(("sticking spool",), 5.0), "N"),
+    Row("jamming, stuck spool", State.COMPENSATOR_FAULT, 200, Stepping(("stuck spool",), 500.0), "N"),
     Row("case zero +0.06 bar", State.SENSOR_FAULT, 120, sensing=_CASE_ZERO),
     Row(
         "case zero +0.06 bar, zero not measured",
@@ -146,6 +233,11 @@ PLAIN_ROWS: tuple[Row, ...] = (
         Sensing(reservoir_measured=False),
     ),
     Row("reservoir not measured", State.HEALTHY, 120, sensing=Sensing(reservoir_measured=False)),
+    Row("pump exchanged", State.HEALTHY, 200, moved_at=100),
+    Row("pump leakage 0.6 L/min, exchanged", State.PUMP_DEGRADATION, 200, _AFTER_MOVE, "L/min", moved_at=60),
+    Row("system leakage 3 L/min, comes and goes", State.SYSTEM_LEAKAGE, 185, _INTERMITTENT, "L/min"),
+    Row(LIFE, State.PUMP_DEGRADATION, 300, WearingOut(_EVEN, 0.8), "L/min", limit=1.5),
+    Row(LONG_LIFE, State.PUMP_DEGRADATION, 300, WearingOut(_EVEN, 1.6), "L/min", limit=2.5),
     Row("worn on arrival", State.PUMP_DEGRADATION, 30, worn=True),
     Row(
         "two faults: pump 0.6, system 1 L/min",
@@ -161,6 +253,7 @@ PLAIN_ROWS: tuple[Row, ...] = (
         SideBySide((Growing(("setting",), -3.0), Growing(("drain",), 0.3))),
         "bar",
     ),
+    *_SMALL_STEPS,
 )
 BURST = "; burst"
 

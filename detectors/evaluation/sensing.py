@@ -1,12 +1,13 @@
 """What the aircraft's sensors make of simulated flights: histories as the judge receives them."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.evaluation.reality import Flights
+from detectors.evaluation.reality import Flights, drawn_by_aircraft
 from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
 from detectors.signature import ChannelSpectrum, OrderLine, Spectrum
 from twin.burst import measured_amplitudes
@@ -16,7 +17,9 @@ from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
 
+HOURS_PER_FLIGHT = 2.0
 START = datetime(2026, 1, 5, 8, 0, tzinfo=UTC)
+_SAMPLES = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +42,22 @@ class Sensing:
     and 3 mbar, which dithers the coarser step of 85 mbar."""
 
 
-def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random.Generator) -> list[History]:
-    """One history per pump; flights that dropped out are missing from it."""
+def histories(
+    flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random.Generator, moved_at: int | None = None
+) -> list[History]:
+    """One history per pump; flights that dropped out are missing from it.
+
+    From flight ``moved_at`` on the pump is seen by another aircraft's sensors.
+    """
     shape = flights.discharge.shape
     n_pumps, n_flights = shape
     normal = rng.normal
-    offset = normal(0.0, 0.03, (n_pumps, 1)) + np.cumsum(normal(0.0, sensing.case_zero_drift_per_flight, shape), axis=1)
+
+    def by_aircraft(draw: Callable[[], Array]) -> Array:
+        return drawn_by_aircraft(draw, n_flights, moved_at)
+
+    offset = by_aircraft(lambda: normal(0.0, 0.03, (n_pumps, 1)))
+    offset = offset + np.cumsum(normal(0.0, sensing.case_zero_drift_per_flight, shape), axis=1)
     offset += sensing.case_zero_step * (np.arange(n_flights) >= sensing.step_at)
     discharge = flights.discharge + normal(0.0, sensing.discharge_repeatability, shape)
     discharge += np.cumsum(normal(0.0, sensing.discharge_drift_per_flight, shape), axis=1)
@@ -53,9 +66,9 @@ def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random
     case += np.where(jumped, rng.uniform(-1.0, 1.0, shape), 0.0)
     jumped = rng.uniform(size=shape) < sensing.outlier
     discharge += np.where(jumped, rng.uniform(-30.0, 30.0, shape), 0.0)
-    probe = normal(0.0, 0.7, (n_pumps, 1)) + normal(0.0, 0.4, shape)
+    probe = by_aircraft(lambda: normal(0.0, 0.7, (n_pumps, 1))) + normal(0.0, 0.4, shape)
     zero = offset + normal(0.0, 0.006, shape)
-    reservoir_error = normal(0.0, 0.01, (n_pumps, 1)) + normal(0.0, 0.004, shape)
+    reservoir_error = by_aircraft(lambda: normal(0.0, 0.01, (n_pumps, 1))) + normal(0.0, 0.004, shape)
     has_zero = sensing.zero_measured & (rng.uniform(size=shape) >= sensing.missing_zero)
     flown = rng.uniform(size=shape) >= sensing.dropout
     zero = (
@@ -64,19 +77,21 @@ def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random
         else zero + flights.reservoir - pump.nominal_reservoir_pressure_bar
     )
     lines = _burst_lines(flights, pump, rng) if sensing.burst else None
+    scatter, ripple, frequency = _regulation(flights, rng.spawn(1)[0])
+    discharge += scatter / np.sqrt(_SAMPLES) * rng.spawn(1)[0].normal(size=shape)
     result = []
     for i in range(n_pumps):
         observations = []
         for j in np.flatnonzero(flown[i]):
             means = {
-                "discharge_pressure_bar": Mean(float(discharge[i, j]), 0.05),
+                "discharge_pressure_bar": Mean(float(discharge[i, j]), float(scatter[i, j]) / _SAMPLES**0.5),
                 "case_pressure_bar": Mean(float(case[i, j]), 0.001),
                 "shaft_speed_rpm": Mean(float(flights.speed[i, j]), 1.0),
                 "fluid_temperature_degc": Mean(float(flights.temperature[i, j] + probe[i, j]), 0.02),
             }
             if sensing.reservoir_measured:
                 means["reservoir_pressure_bar"] = Mean(float(flights.reservoir[i, j] + reservoir_error[i, j]), 0.001)
-            window = Window(WindowKind.ZERO_FLOW, 60.0, 120.0, True, None, means)
+            window = Window(WindowKind.ZERO_FLOW, 60.0, 120.0, True, None, means, float(scatter[i, j]))
             found = Zero(0.0, pump.population["case_zero_bar"].value, False)
             if has_zero[i, j]:
                 found = Zero(float(zero[i, j]), 0.008 if sensing.reservoir_measured else 0.1, True)
@@ -84,17 +99,36 @@ def histories(flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random
                 Observation(
                     record_id=f"{j:05d}",
                     at=START + timedelta(hours=28.0 * int(j)),
-                    aircraft="A",
+                    aircraft="A" if moved_at is None or j < moved_at else "B",
                     position="LH",
                     flight_id=str(j),
                     reduction=Reduction(
-                        found, (window,), None, spectrum=None if lines is None else _spectrum(lines, i, int(j), pump)
+                        found,
+                        (window,),
+                        None,
+                        spectrum=None
+                        if lines is None
+                        else _spectrum(lines, i, int(j), pump, float(ripple[i, j]), float(frequency[i, j])),
                     ),
-                    flight_hours=2.0 * int(j),
+                    flight_hours=HOURS_PER_FLIGHT * int(j),
                 )
             )
         result.append(History(tuple(observations)))
     return result
+
+
+def _regulation(flights: Flights, rng: np.random.Generator) -> tuple[Array, Array, Array]:
+    """Measured scatter of a 1 Hz window [bar], and ripple [bar] and frequency [Hz] of a burst, shapes (n_pumps, n_flights).
+
+    Sixty samples of 1 Hz catch the ripple at any phase, beside the sensor's white noise; two seconds hold a few tens of
+    its periods, which gives their level to 10 % and their frequency to 4 % (pieces of transient runs).
+    """
+    shape = flights.ripple.shape
+    lines = 0.05 / np.sqrt(2.0)
+    variance = flights.ripple**2 + 0.15**2 + (350.0 / 4096) ** 2 / 12.0 + lines**2
+    scatter = np.sqrt(variance * rng.chisquare(_SAMPLES - 2, shape) / (_SAMPLES - 2))
+    ripple = flights.ripple * np.exp(rng.normal(0.0, 0.1, shape))
+    return scatter, ripple, flights.frequency * np.exp(rng.normal(0.0, 0.04, shape))
 
 
 def _burst_lines(flights: Flights, pump: PumpType, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -123,7 +157,7 @@ def _burst_lines(flights: Flights, pump: PumpType, rng: np.random.Generator) -> 
     return measured_amplitudes(lines, rng)
 
 
-def _spectrum(lines: tuple[Array, Array], i: int, j: int, pump: PumpType) -> Spectrum:
+def _spectrum(lines: tuple[Array, Array], i: int, j: int, pump: PumpType, ripple: float, frequency: float) -> Spectrum:
     n = int(pump.pump.piston.n)
     channels = {}
     for k, name in enumerate(CHANNELS):
@@ -131,5 +165,13 @@ def _spectrum(lines: tuple[Array, Array], i: int, j: int, pump: PumpType) -> Spe
             OrderLine(order, float(lines[0][i, j, k, m]), float(lines[1][i, j, k, m]), None)
             for m, order in enumerate((1, n - 1, n, n + 1, 2 * n))
         )
-        channels[name] = ChannelSpectrum(found, (0.15, 0.003)[k], 0.0, None, (350.0 / 4096, 5.0 / 4096)[k], True)
+        channels[name] = ChannelSpectrum(
+            found,
+            (0.15, 0.003)[k],
+            (ripple, 0.0)[k],
+            None,
+            (350.0 / 4096, 5.0 / 4096)[k],
+            True,
+            (frequency, None)[k],
+        )
     return Spectrum(60.0, 62.0, pump.nominal_speed_rpm, 150.0, channels)

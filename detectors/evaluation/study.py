@@ -11,16 +11,19 @@ from detectors.assessment import assess
 from detectors.evaluation.reality import Reality, fleet
 from detectors.evaluation.rows import Row
 from detectors.evaluation.sensing import histories
+from detectors.evaluation.truth import is_worth_a_word, since_installation
 from detectors.verdict import ESTIMATES, FAULTS, Assessment, State
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
 STATES: tuple[State, ...] = tuple(State)
+NAMES: tuple[State, ...] = (State.HEALTHY, *FAULTS)
+"""What probabilities are stated of, in their order."""
 _STATE_NUMBER = {s: i for i, s in enumerate(STATES)}
 _ROUND = 8
 """A whole round of the kinds that take turns over chunks: shares stay right for any number of pumps."""
 _LARGEST = 10
-_PADDING = {"flight": -1, "state": -1, "candidates": 0}
+_PADDING = {"flight": -1, "state": -1, "candidates": 0, "faulty": False}
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,19 @@ class Outcome:
     size: Array
     leakage: Array
     case_flow: Array
+    faulty: NDArray[np.bool_]
+    """The true change since the installation exceeds its own floor: it is worth a word."""
+    information: Array
+    """What the record adds to tell the fault from health, after what is unknown is projected out [nat]; NaN where the
+    world is not the judge's own."""
+    forecast: Array
+    """Remaining flight hours: mean and ends of the 80 % interval, shape (n_pumps, n_records, 3); NaN where none was asked
+    or given."""
+
+
+def state_number(state: State) -> int:
+    """Index into ``STATES``."""
+    return _STATE_NUMBER[state]
 
 
 def chunks(n_pumps: int) -> list[tuple[int, int]]:
@@ -78,10 +94,26 @@ def judged(
     """Simulate and judge one chunk."""
     rng = seed_of(seed, row.name, reality.name, chunk)
     courses = row.course.courses(n_pumps, row.n_flights, chunk)
-    flights = fleet(reality, pump, circuit, rng, n_pumps, row.n_flights, courses, worn=row.worn)
-    found = [assess(h, pump, circuit, thresholds) for h in histories(flights, pump, row.sensing, rng)]
-    longest = max(len(f) for f in found)
-    outcome = Outcome(
+    flights = fleet(reality, pump, circuit, rng, n_pumps, row.n_flights, courses, worn=row.worn, moved_at=row.moved_at)
+    seen = histories(flights, pump, row.sensing, rng, row.moved_at)
+    found = [assess(h, pump, circuit, thresholds) for h in seen]
+    outcome = blank(n_pumps, max(len(f) for f in found))
+    size = since_installation(courses[0].size if courses else np.zeros(flights.discharge.shape), row.moved_at)
+    leakage = since_installation(flights.leakage, row.moved_at)
+    faulty = is_worth_a_word(row, courses, n_pumps, thresholds["sensor_shift_bar"])
+    for i, assessments in enumerate(found):
+        for j, assessment in enumerate(assessments):
+            _write(outcome, i, j, assessment)
+            f = outcome.flight[i, j]
+            outcome.size[i, j], outcome.leakage[i, j] = size[i, f], leakage[i, f]
+            outcome.case_flow[i, j] = flights.case_flow_at_reference[i, f]
+            outcome.faulty[i, j] = faulty[i, f]
+    return outcome
+
+
+def blank(n_pumps: int, longest: int) -> Outcome:
+    """Nothing said and nothing true yet."""
+    return Outcome(
         flight=np.full((n_pumps, longest), -1),
         state=np.full((n_pumps, longest), -1),
         candidates=np.zeros((n_pumps, longest), dtype=np.int64),
@@ -90,23 +122,18 @@ def judged(
         size=np.full((n_pumps, longest), np.nan),
         leakage=np.full((n_pumps, longest), np.nan),
         case_flow=np.full((n_pumps, longest), np.nan),
+        faulty=np.zeros((n_pumps, longest), dtype=np.bool_),
+        information=np.full((n_pumps, longest), np.nan),
+        forecast=np.full((n_pumps, longest, 3), np.nan),
     )
-    size = courses[0].size if courses else np.zeros(flights.discharge.shape)
-    for i, assessments in enumerate(found):
-        for j, assessment in enumerate(assessments):
-            _write(outcome, i, j, assessment)
-            f = outcome.flight[i, j]
-            outcome.size[i, j], outcome.leakage[i, j] = size[i, f], flights.leakage[i, f]
-            outcome.case_flow[i, j] = flights.case_flow_at_reference[i, f]
-    return outcome
 
 
 def _write(outcome: Outcome, i: int, j: int, assessment: Assessment) -> None:
     verdict = assessment.verdict
     outcome.flight[i, j] = int(assessment.record_id)
-    outcome.state[i, j] = _STATE_NUMBER[verdict.state]
+    outcome.state[i, j] = state_number(verdict.state)
     outcome.candidates[i, j] = sum(1 << FAULTS.index(c) for c in verdict.candidates)
-    outcome.probabilities[i, j] = [verdict.probabilities[s] for s in (State.HEALTHY, *FAULTS)]
+    outcome.probabilities[i, j] = [verdict.probabilities[s] for s in NAMES]
     for k, name in enumerate(ESTIMATES):
         e = verdict.estimates.get(name)
         if e is not None:

@@ -8,6 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.calibration import Calibration, calibration, calibration_error
+from detectors.evaluation.delays import delay_scores
+from detectors.evaluation.lives import life_scores
+from detectors.evaluation.operating import OperatingCurve, operating_curve
+from detectors.evaluation.prevalence import prior_weights
 from detectors.evaluation.reality import Reality
 from detectors.evaluation.rows import Row
 from detectors.evaluation.scoring import (
@@ -25,6 +29,7 @@ from detectors.evaluation.scoring import (
 )
 from detectors.evaluation.study import Outcome, joined
 from detectors.scores import Roc, Score, roc
+from detectors.thresholds import effective
 from detectors.verdict import SIDE_OF, Side, State
 
 Array = NDArray[np.float64]
@@ -32,6 +37,8 @@ Array = NDArray[np.float64]
 ALL_REALITIES = "all realities"
 POOLED = "rows with one right answer, pooled"
 CONFIDENCE_ERROR, EACH_ERROR = "calibration error, confidence", "calibration error, six probabilities"
+CONFIDENCE_ERROR_FROM_ONSET = "calibration error, confidence, faulty from the onset on"
+EACH_ERROR_FROM_ONSET = "calibration error, six probabilities, faulty from the onset on"
 ALARMED_ERROR = "calibration error, confidence while in alarm"
 ROC_AREA = "area below the ROC"
 _N_DRAWS = 500
@@ -72,6 +79,8 @@ class RowResult:
         Episodes on healthy records by reality; pumps are numbered in the order of the reality's chunks.
     curve
         ROC against the healthy pumps of the study over the same flights; None without them.
+    operating
+        What other alarm thresholds would have done; None where ``curve`` is.
     """
 
     row: Row
@@ -83,6 +92,7 @@ class RowResult:
     calibration: Calibration | None
     false_alarms: Mapping[str, tuple[FalseAlarm, ...]]
     curve: Roc | None
+    operating: OperatingCurve | None
 
 
 def row_result(row: Row, outcomes: Mapping[Reality, Outcome], healthy: Seen | None, seed: int) -> RowResult:
@@ -105,15 +115,21 @@ def row_result(row: Row, outcomes: Mapping[Reality, Outcome], healthy: Seen | No
     whole = found[ALL_REALITIES]
     scopes = {name: ScopeScores(len(s.last), int(s.judged.sum()), scores(s, seed)) for name, s in found.items()}
     everything = dict(scopes[ALL_REALITIES].scores)
-    table = calibration(whole) if row.is_single else None
+    if row.limit is not None:
+        everything |= life_scores(whole, row.limit, seed)
+    if row.in_class:
+        everything |= delay_scores(whole, seed)
+    table = calibration(whole) if row.is_single and not row.in_class else None
     if table is not None:
-        everything |= _errors([table], seed)
-    curve = None
-    if healthy is not None and row.onset is not None:
+        everything |= _errors([table], seed, None)
+    curve, operating = None, None
+    if healthy is not None and row.onset is not None and not row.in_class:
         sound, faulty = (suspicion(s, row.onset, row.n_flights) for s in (healthy, whole))
         if len(sound) and len(faulty):
             curve = roc(sound, faulty)
             everything[ROC_AREA] = _area(sound, faulty, curve.area, seed)
+            operating, at_one = operating_curve(healthy, whole, effective({}), seed)
+            everything |= at_one
     scopes[ALL_REALITIES] = replace(scopes[ALL_REALITIES], scores=everything)
     is_faulty = row.truth is not State.HEALTHY
     return RowResult(
@@ -126,15 +142,21 @@ def row_result(row: Row, outcomes: Mapping[Reality, Outcome], healthy: Seen | No
         table,
         {r.name: tuple(false_alarm_episodes(found[r.name])) for r in outcomes},
         curve,
+        operating,
     )
 
 
 @dataclass(frozen=True)
 class Pooled:
-    """Calibration and coverage over all rows with one right answer, each row with the same weight."""
+    """Calibration and coverage over all rows with one right answer.
+
+    ``weights`` are those of the rows in the judge's prior proportion of faults (``detectors.evaluation.prevalence``);
+    what counts a fault from its onset on, and the coverage, weigh all rows alike.
+    """
 
     burst: bool
     rows: tuple[str, ...]
+    weights: tuple[float, ...]
     scores: Mapping[str, Score]
     calibrations: tuple[Calibration, ...]
 
@@ -148,29 +170,32 @@ def pooled(results: Sequence[RowResult], seed: int, *, burst: bool) -> Pooled | 
     tables = tuple(r.calibration for r in rows if r.calibration is not None)
     if not tables:
         return None
-    found = _errors(tables, seed)
+    weights = prior_weights([r.row for r in rows])
+    found = _errors(tables, seed, weights)
     for name in COVERED.values():
         given = [r.scopes[ALL_REALITIES].scores[name] for r in rows if name in r.scopes[ALL_REALITIES].scores]
         if given:
             found[name] = _mean(given)
-    return Pooled(burst, tuple(r.row.name for r in rows), found, tables)
+    return Pooled(burst, tuple(r.row.name for r in rows), tuple(weights), found, tables)
 
 
 def side_confusion(results: Sequence[RowResult], *, burst: bool) -> dict[Side, dict[Side, int]]:
     """Pumps by the side of the truth and the side of their last verdict, over the rows with one right answer."""
     table: dict[Side, dict[Side, int]] = {}
     for result in results:
-        if result.row.is_single and result.row.sensing.burst is burst:
+        if result.row.is_single and not result.row.in_class and result.row.sensing.burst is burst:
             line = table.setdefault(SIDE_OF[result.row.truth], dict.fromkeys(Side, 0))
             for side, n in result.confusion.items():
                 line[side] += n
     return table
 
 
-def _errors(tables: Sequence[Calibration], seed: int) -> dict[str, Score]:
+def _errors(tables: Sequence[Calibration], seed: int, weights: Sequence[float] | None) -> dict[str, Score]:
     return {
-        CONFIDENCE_ERROR: calibration_error([t.confidence for t in tables], seed),
-        EACH_ERROR: calibration_error([t.each for t in tables], seed),
+        CONFIDENCE_ERROR: calibration_error([t.confidence for t in tables], seed, weights=weights, by_mass=True),
+        EACH_ERROR: calibration_error([t.each for t in tables], seed, weights=weights, by_mass=True),
+        CONFIDENCE_ERROR_FROM_ONSET: calibration_error([t.confidence_from_onset for t in tables], seed),
+        EACH_ERROR_FROM_ONSET: calibration_error([t.each_from_onset for t in tables], seed),
         ALARMED_ERROR: calibration_error([t.alarmed for t in tables], seed),
     }
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from detectors.evaluation.calibration import N_BINS, Calibration, Reliability, mean_shares
+from detectors.evaluation.calibration import N_BINS, Calibration, Reliability, equal_mass, mean_shares
+from detectors.evaluation.operating import OperatingCurve
 from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.summary import RowResult, side_confusion
 from detectors.evaluation.targets import NOT_SIMULATED, Finding
@@ -40,8 +41,9 @@ def study_json(results: Results) -> dict[str, Any]:
             {
                 "burst": p.burst,
                 "rows": list(p.rows),
+                "weights": list(p.weights),
                 "scores": _scores(p.scores),
-                "reliability": _reliabilities(p.calibrations),
+                "reliability": _reliabilities(p.calibrations, p.weights),
                 "confusion": _confusion(results, burst=p.burst),
             }
             for p in results.pools
@@ -80,11 +82,28 @@ def _row(result: RowResult) -> dict[str, Any]:
         "delays": [_number(v) for v in np.sort(result.delays)],
     }
     if result.calibration is not None:
-        entry["reliability"] = _reliabilities([result.calibration])
+        entry["reliability"] = _reliabilities([result.calibration], (1.0,))
     if result.curve is not None:
         false_alarms, detections = thinned(result.curve)
         entry["roc"] = {"false_alarm_rate": false_alarms, "detection_rate": detections}
+    if result.operating is not None:
+        entry["operating_curve"] = _operating(result.operating)
     return entry
+
+
+def _operating(curve: OperatingCurve) -> list[dict[str, Any]]:
+    """By alarm threshold: false alarms, share found and delay, each with its interval."""
+    return [
+        {
+            "alarm_on_log_odds": threshold,
+            "false_alarms_per_10000_records": _score(false_alarms),
+            "detected": _score(detected),
+            "median_delay_flights": _score(delay),
+        }
+        for threshold, false_alarms, detected, delay in zip(
+            curve.thresholds, curve.false_alarms, curve.detected, curve.delay, strict=True
+        )
+    ]
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
@@ -107,12 +126,22 @@ def _confusion(results: Results, *, burst: bool) -> dict[str, dict[str, int]]:
     return {truth.value: {side.value: n for side, n in line.items()} for truth, line in table.items()}
 
 
-def _reliabilities(rows: Sequence[Calibration]) -> dict[str, list[dict[str, float | None]]]:
+def _reliabilities(rows: Sequence[Calibration], weights: Sequence[float]) -> dict[str, list[dict[str, float | None]]]:
     return {
-        "confidence": _reliability([c.confidence for c in rows]),
-        "each": _reliability([c.each for c in rows]),
+        "confidence": _by_mass([c.confidence for c in rows], weights),
+        "each": _by_mass([c.each for c in rows], weights),
+        "confidence_from_onset": _reliability([c.confidence_from_onset for c in rows]),
+        "each_from_onset": _reliability([c.each_from_onset for c in rows]),
         "alarmed": _reliability([c.alarmed for c in rows]),
     }
+
+
+def _by_mass(tables: list[Reliability], weights: Sequence[float]) -> list[dict[str, float | None]]:
+    shares = equal_mass(mean_shares(tables, weights))
+    return [
+        {"share": float(n), "stated": float(p / n) if n else None, "happened": float(y / n) if n else None}
+        for n, p, y in shares.T
+    ]
 
 
 def _reliability(tables: list[Reliability]) -> list[dict[str, float | None]]:

@@ -8,6 +8,20 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
+from detectors.evaluation.delays import (
+    ALARM,
+    CHART,
+    CHART_FALSE_ALARMS,
+    FLOORED,
+    INFORMATION,
+    INFORMED,
+    LEAST_DELAY,
+    excess,
+    found_by,
+    mean_delay,
+)
+from detectors.evaluation.lives import LAMBDAS, covered_at, error_at, given_at, near_at, near_where_given_at
+from detectors.evaluation.operating import DELAY_AT_ONE, DETECTED_AT_ONE, THRESHOLD_AT_ONE
 from detectors.evaluation.reality import DIFFERENCES
 from detectors.evaluation.rows import BURST
 from detectors.evaluation.scoring import (
@@ -31,7 +45,9 @@ from detectors.evaluation.summary import (
     ALARMED_ERROR,
     ALL_REALITIES,
     CONFIDENCE_ERROR,
+    CONFIDENCE_ERROR_FROM_ONSET,
     EACH_ERROR,
+    EACH_ERROR_FROM_ONSET,
     ROC_AREA,
     RowResult,
     side_confusion,
@@ -56,7 +72,22 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
 )
 _SENSING = {False: "windows", True: "with bursts"}
-_PLAIN: Mapping[str, int] = {FALSE_ALARMS: 2, CONFIDENCE_ERROR: 3, EACH_ERROR: 3, ALARMED_ERROR: 3, ROC_AREA: 3}
+_DETECTORS = (CHART, ALARM, INFORMED)
+_PLAIN: Mapping[str, int] = {
+    FALSE_ALARMS: 2,
+    CONFIDENCE_ERROR: 3,
+    EACH_ERROR: 3,
+    CONFIDENCE_ERROR_FROM_ONSET: 3,
+    EACH_ERROR_FROM_ONSET: 3,
+    ALARMED_ERROR: 3,
+    ROC_AREA: 3,
+    THRESHOLD_AT_ONE: 1,
+    INFORMATION: 2,
+    LEAST_DELAY: 0,
+    CHART_FALSE_ALARMS: 2,
+    **{mean_delay(of): 0 for of in _DETECTORS},
+    **{excess(of): 2 for of in _DETECTORS},
+}
 """Numbers that are no shares, with their decimals."""
 _HEADLINES = (
     FALSE_ALARMS,
@@ -71,11 +102,23 @@ _HEADLINES = (
     PUMP_FROM_30,
     PUMP_WITHIN_20,
     ROC_AREA,
+    DETECTED_AT_ONE,
+    DELAY_AT_ONE,
+    THRESHOLD_AT_ONE,
     CONFIDENCE_ERROR,
     EACH_ERROR,
+    CONFIDENCE_ERROR_FROM_ONSET,
+    EACH_ERROR_FROM_ONSET,
     ALARMED_ERROR,
     *COVERED.values(),
+    INFORMATION,
+    LEAST_DELAY,
+    CHART_FALSE_ALARMS,
+    FLOORED,
+    *(name(of) for of in _DETECTORS for name in (found_by, mean_delay, excess)),
+    *(name(share) for share in LAMBDAS for name in (given_at, covered_at, near_at, near_where_given_at, error_at)),
 )
+_DELAYS = (DELAY_MEDIAN, DELAY_95, DELAY_AT_ONE)
 _BY_REALITY = (FALSE_ALARMS, RIGHT_OR_CANDIDATE, at_end(Side.PUMP), at_end(Side.SYSTEM), SIZE_MEDIAN, DELAY_MEDIAN)
 _STATES = (State.HEALTHY, *FAULTS, State.INDETERMINATE)
 
@@ -134,7 +177,7 @@ def _number(quantity: str, value: float) -> str:
         return "any" if quantity == FALSE_ALARMS else "never"
     if quantity in (SIZE_MEDIAN, SIZE_95):
         return f"{value:.3g}"
-    if quantity in (DELAY_MEDIAN, DELAY_95):
+    if quantity in _DELAYS:
         return f"{value:.0f}"
     if quantity in _PLAIN:
         return f"{value:.{_PLAIN[quantity]}f}"
@@ -144,7 +187,7 @@ def _number(quantity: str, value: float) -> str:
 def _unit(quantity: str, unit: str) -> str:
     if quantity in (SIZE_MEDIAN, SIZE_95):
         return unit if unit != "-" else ""
-    if quantity in (DELAY_MEDIAN, DELAY_95):
+    if quantity in _DELAYS:
         return "flights"
     return "" if quantity in _PLAIN else "%"
 

@@ -10,12 +10,14 @@ from pathlib import Path
 from detectors.evaluation.reality import Reality
 from detectors.evaluation.rows import Row
 from detectors.evaluation.scoring import Seen, seen
+from detectors.evaluation.small_steps import judged_in_class
 from detectors.evaluation.study import Outcome, joined, judged
 from detectors.evaluation.summary import Pooled, RowResult, pooled, row_result
 from detectors.evaluation.targets import Finding, findings
 from detectors.thresholds import effective
 from detectors.verdict import State
 from service.evaluation import store
+from service.evaluation.forecasts import with_forecasts
 from service.evaluation.plan import Chunk, Study, chunks_of
 from twin.pumps import circuit_parameters, pump_type
 
@@ -99,7 +101,10 @@ def _read(row: Row, study: Study, folder: Path) -> Iterator[tuple[Chunk, Outcome
 
 def _work(chunk: Chunk, folder: Path) -> None:
     kind, circuit = pump_type(chunk.pump_type), circuit_parameters(chunk.circuit)
-    outcome = judged(chunk.row, chunk.reality, kind, circuit, effective({}), chunk.seed, chunk.number, chunk.n_pumps)
+    judge = judged_in_class if chunk.row.in_class else judged
+    outcome = judge(chunk.row, chunk.reality, kind, circuit, effective({}), chunk.seed, chunk.number, chunk.n_pumps)
+    if chunk.row.limit is not None:
+        outcome = with_forecasts(outcome, chunk.row.limit)
     store.keep(folder, chunk, outcome)
 
 

@@ -22,7 +22,8 @@ _NAMES = tuple(f.name for f in fields(Outcome))
 
 def key(chunk: Chunk) -> str:
     """Name of a chunk's result; another row, reality, seed, twin, threshold or source gives another name."""
-    depends = (chunk, twin_version(pump_type(chunk.pump_type)), sorted(effective({}).items()), _sources())
+    forecasts = None if chunk.row.limit is None else _forecast_sources()
+    depends = (chunk, twin_version(pump_type(chunk.pump_type)), sorted(effective({}).items()), _sources(), forecasts)
     return hashlib.sha256(repr(depends).encode()).hexdigest()[:24]
 
 
@@ -54,11 +55,20 @@ def _path(folder: Path, chunk: Chunk) -> Path:
 
 
 @functools.cache
+def _forecast_sources() -> str:
+    """Hash of what forecasts are made by."""
+    digest = hashlib.sha256(cache_folder("detectors.prognosis").name.encode())
+    for package, name in (("service.monitoring", "forecast.py"), ("service.evaluation", "forecasts.py")):
+        digest.update((files(package) / name).read_bytes())
+    return digest.hexdigest()
+
+
+@functools.cache
 def _sources() -> str:
     """Hash of the judge's and the simulator's sources with the fitted numbers that they read."""
     digest = hashlib.sha256(f"{MODEL_NUMBER}".encode())
     # named after every file of this project that the study imports, directly or not
-    digest.update(cache_folder("detectors.evaluation.study").name.encode())
+    digest.update(cache_folder("detectors.evaluation.small_steps").name.encode())
     for file in sorted(files("twin.pumps").iterdir(), key=lambda f: f.name):
         if file.name.endswith(".json"):
             digest.update(file.name.encode() + file.read_bytes())

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from detectors.assessment import assess
-from detectors.components import INDEX
+from detectors.components import AMPLITUDE, INDEX
 from detectors.filter_bank import ARRIVAL_KINDS, Bank
 from detectors.filter_kernel import CASE_RIPPLE, LINE, RIPPLE
 from detectors.measurement import measured_windows
 from detectors.observation import History, Observation
 from detectors.signature import ChannelSpectrum, OrderLine, Spectrum
-from detectors.state_model import AMPLITUDE, prior
+from detectors.state_model import prior
 from detectors.thresholds import effective
 from detectors.verdict import State
 from tests.detectors.fleet import CIRCUIT, PUMP, history

@@ -25,8 +25,7 @@ def own_state(rng: np.random.Generator) -> np.ndarray:
     full[c.LN_SLIPPER], full[c.LN_LAMINAR] = rng.normal(0, 0.3, 2)
     full[c.SYSTEM_ORIFICE], full[c.SETTING] = rng.uniform(0.3, 0.7), rng.normal(0, 1)
     full[c.LN_DRAIN], full[c.LN_DROOP] = rng.normal(0, 0.2), rng.uniform(-1.5, 0.7)
-    full[c.DRAIN_VISCOSITY] = rng.uniform(0, 0.6)
-    full[c.DRAIN_FLOW] = rng.uniform(0, 0.4)
+    full[c.DRAIN_VISCOSITY], full[c.DRAIN_FLOW] = rng.normal(-1, 1, 2)
     return full
 
 
@@ -36,6 +35,7 @@ def health_of(full: np.ndarray, anchor: np.ndarray) -> Health:
     def scale(own: int, extra: int, law: str, flow: str) -> float:
         return float(np.exp(full[own]) + full[extra] * anchor[COLUMN[law]] / anchor[COLUMN[flow]])
 
+    viscous, fittings = np.exp(full[[c.DRAIN_VISCOSITY, c.DRAIN_FLOW]])
     laminar = scale(c.LN_LAMINAR, c.LAMINAR_EXTRA, "laminar_law", "laminar_flow")
     return Health(
         slipper_leakage_scale=scale(c.LN_SLIPPER, c.SLIPPER_EXTRA, "slipper_law", "slipper_flow"),
@@ -45,8 +45,8 @@ def health_of(full: np.ndarray, anchor: np.ndarray) -> Health:
         system_leakage_lpm=full[c.SYSTEM_ORIFICE] + anchor[COLUMN["system_law"]] * full[c.SYSTEM_LAMINAR],
         pressure_setting_change_bar=full[c.SETTING],
         drain_resistance_scale=np.exp(full[c.LN_DRAIN]),
-        drain_viscosity_weight_change=full[c.DRAIN_VISCOSITY],
-        drain_flow_weight_change=full[c.DRAIN_FLOW],
+        drain_viscosity_weight_change=viscous / (1.0 + viscous + fittings),
+        drain_flow_weight_change=fittings / (1.0 + viscous + fittings),
         droop_scale=np.exp(full[c.LN_DROOP]),
         throttled_leakage_lpm=full[c.THROTTLED],
     )
@@ -81,7 +81,7 @@ def test_pressures_of_every_fault_are_those_of_the_operating_point(
     points = operating_points(
         PUMP.pump, input_rows(asked, [health_of(f, a) for f, a in zip(states, rows, strict=True)]), circuit
     )
-    y, slopes = np.empty((N, 2)), np.empty((2, c.N_COMPONENTS))
+    y, slopes = np.empty((N, 2)), np.empty((3, c.N_COMPONENTS))
     for i, full in enumerate(states):
         pressures(rows[i], full, y[i], slopes)
     case = points.value("case_pressure_bar")
@@ -117,13 +117,14 @@ def test_slopes_are_those_of_differences() -> None:
         full = own_state(rng)
         full[c.BLEED], full[c.THROTTLED], full[c.SYSTEM_LAMINAR], full[c.LAMINAR_EXTRA] = 0.05, 0.1, 0.2, 0.2
         full[c.LN_VISCOSITY] = 0.03
-        y, slopes = np.empty(2), np.empty((2, c.N_COMPONENTS))
-        above, below, unused = np.empty(2), np.empty(2), np.empty((2, c.N_COMPONENTS))
+        y, slopes = np.empty(2), np.empty((3, c.N_COMPONENTS))
+        above, below, unused = np.empty(2), np.empty(2), np.empty((3, c.N_COMPONENTS))
         pressures(row, full, y, slopes)
         for i in range(c.N_COMPONENTS):
             moved = full.copy()
             moved[i] += 1e-5
-            pressures(row, moved, above, unused)
+            more = pressures(row, moved, above, unused)
             moved[i] -= 2e-5
-            pressures(row, moved, below, unused)
-            assert slopes[:, i] == pytest.approx((above - below) / 2e-5, abs=3e-4, rel=1e-3), c.COMPONENTS[i]
+            less = pressures(row, moved, below, unused)
+            differences = np.array([*(above - below), more - less]) / 2e-5
+            assert slopes[:, i] == pytest.approx(differences, abs=3e-4, rel=1e-3), c.COMPONENTS[i]

@@ -60,15 +60,15 @@ class TestAcceptanceSheet:
 class TestWhatMovesWhat:
     """Directions and sizes at zero flow, 4600 rpm, 50 degC, bench of table 3-4, drooping valve.
 
-    Expected values come from an independent rebuild of the pump with 0.15 bar/(L/min) of droop. Tolerances are a
-    fifth of the value or what changes with the pump's own leakage.
+    Expected values come from an independent rebuild of the pump with 0.15 bar/(L/min) of droop; where the plate's
+    vibration has a part in them (system leakage, -0.10 in the rebuild), from our transient model, means at steps of 10 us.
     """
 
     @pytest.mark.parametrize(
         ("by", "discharge", "case", "tolerance"),
         [
             ("control_bleed_lpm", 15.8, 0.337, 0.1),
-            ("system_leakage_lpm", -0.10, 0.046, 0.1),
+            ("system_leakage_lpm", -0.111, 0.0448, 0.02),
             ("pressure_setting_change_bar", 0.96, 0.001, 0.02),
             ("reservoir_pressure_bar", 1.0, 1.0, 0.005),
         ],
@@ -86,7 +86,7 @@ class TestWhatMovesWhat:
         assert per_litre == pytest.approx(0.337, rel=0.005)
         lift = point.derivative("discharge_pressure_bar", by)[0] / point.derivative("case_flow_lpm", by)[0]
         # 0.19 in the rebuild; the leakage of a closed chamber also hastens its decompression, which holds the plate
-        # up: the transient model has that effect (means at steps of 20 us, leakage from 0.8 to 1.2)
+        # up: the transient model has that effect (means at steps of 10 us, leakage from 0.8 to 1.2)
         assert lift == pytest.approx(transient, rel=0.03)
 
     def test_drain_restriction_lifts_both_alike(self) -> None:

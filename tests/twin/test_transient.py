@@ -17,7 +17,7 @@ from twin.parts.port_plate import opening
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.energy import power_balance
 from twin.simulation.layout import ALPHA, N_SHARED, P_D, THETA
-from twin.simulation.run import Run, simulate, simulate_batch, steady_run
+from twin.simulation.run import Run, default_step, simulate, simulate_batch, steady_run, stepping
 from twin.simulation.scenario import Scenario, Schedule, Value
 from twin.units import KELVIN_AT_0_DEGC, RAD_PER_S_PER_RPM
 from twin.units import M3_PER_S_PER_LPM as LPM
@@ -37,7 +37,7 @@ N = int(PUMP.piston.n)
         (PUMP, Condition(4600, 50), Health(), {}),
         (PUMP, Condition(4600, 80, 0.5, 20.0), Health(pump_leakage_scale=2.0), {}),
         (PUMP, Condition(920, 30, 0.0, 2.0), Health(), {}),
-        (PUMP, Condition(5500, 20, 0.0, 10.0), Health(), {}),
+        (PUMP, Condition(5500, 20), Health(), {}),
         (
             PUMP,
             Condition(5500, 100, 1.0),
@@ -154,30 +154,47 @@ def test_shaft_power_is_hydraulic_power_and_named_losses(flow: float) -> None:
 def test_operating_point_meets_the_transient_mean() -> None:
     """The fast twin against the slow one, over random conditions and health, as the committed study has it.
 
-    ``benchmarks/results/operating_point.json`` holds 200 conditions: 0.08 bar in the median, 0.75 at most, which are
-    slow, hot pumps with a soft valve. Here: speeds from 3000 rpm.
+    ``benchmarks/results/operating_point.json`` holds 200 conditions. The transient takes short steps: at its default
+    step the control pressure of slow, hot pumps is off by 0.3 bar, more than the operating point is.
     """
     rng = np.random.default_rng(21)
     scenarios = [
         Scenario(
-            60.0 / speed * 124,
-            Condition(speed, rng.uniform(25, 85), rng.uniform(0, 1.5), rng.uniform(0, 12)),
+            60.0 / speed * 104,
+            Condition(speed, rng.uniform(20, 100), rng.uniform(0, 2.5), rng.uniform(0, 8)),
             Health(
                 pump_leakage_scale=rng.uniform(0.6, 2.0),
                 system_leakage_lpm=rng.uniform(0, 1.0),
                 drain_resistance_scale=rng.uniform(0.8, 1.4),
                 pressure_setting_change_bar=rng.uniform(-3, 3),
+                droop_scale=10 ** rng.uniform(-0.5, 0.5),
             ),
         )
-        for speed in rng.uniform(3000, 5500, 16)
+        for speed in rng.uniform(2000, 5500, 10)
     ]
-    for scenario, run in zip(scenarios, simulate_batch(PUMP, BENCH, scenarios), strict=True):
+    for scenario, run in zip(scenarios, simulate_batch(PUMP, BENCH, scenarios, step_s=15e-6), strict=True):
         assert isinstance(run, Run)
         point = operating_point(PUMP, scenario.condition, BENCH, scenario.health)
-        for name, tolerance in (("discharge_pressure_bar", 0.1), ("case_pressure_bar", 0.005)):
+        for name, tolerance in (
+            ("discharge_pressure_bar", 0.05),
+            ("control_pressure_bar", 0.15),
+            ("case_pressure_bar", 0.002),
+            ("swashplate_angle_deg", 0.01),
+        ):
             assert float(point.value(name)[0]) == pytest.approx(run.mean(name, 4), abs=tolerance), scenario
         flow = run.mean("case_flow_lpm", 4)
-        assert float(point.value("case_flow_lpm")[0]) == pytest.approx(flow, rel=0.005), scenario
+        assert float(point.value("case_flow_lpm")[0]) == pytest.approx(flow, rel=0.002), scenario
+
+
+@pytest.mark.parametrize("speed", [2000.0, 4400.0, 4600.0, 5500.0])
+def test_no_piston_passes_its_dead_centre_at_the_same_place_of_a_step(speed: float) -> None:
+    """Else errors of the steps add up at order n: 3.4 % of case pressure's instead of 1.9 % at 4400 rpm and 100 degC."""
+    scenario = Scenario(1.0, Condition(speed, 50))
+    step, substeps = stepping(scenario, None, default_step(PUMP, scenario), N)
+    per_revolution = 60.0 / speed / step
+    assert substeps == 1
+    assert per_revolution == pytest.approx(round(per_revolution), rel=1e-9)
+    assert math.gcd(round(per_revolution), N) == 1
 
 
 def test_uneven_wear_draws_a_line_at_once_per_revolution() -> None:

@@ -100,12 +100,11 @@ def advance(
 ) -> bool:
     """One step of ``dt``; extrapolated from one full and two half steps: second order, the bias taken out.
 
-    Masses are extrapolated, not pressures, so that the extrapolated state conserves mass as the steps do.
+    Masses are extrapolated, not pressures, so that the extrapolated state conserves mass as the steps do. With variable
+    gaps ``ch`` holds the slippers' substeps for this step (``slippers.choose_substeps``).
     """
     s = passages(pump, circuit, scene, y, n, clearances, ch)
     n_sub = max(1, math.ceil(y[OMEGA] * dt / _FINE_ANGLE))
-    if pump.slipper.variable > 0.5:
-        slippers.choose_substeps(pump, y, n, dt, ch)
     if not extrapolate:
         return solve_step(pump, circuit, scene, s, y, n, dt, n_sub, T_start, clearances, ch, A, b, masses, flows)
     half = 0.5 * dt
@@ -262,7 +261,7 @@ def run_loop(
     h = dt
     whole = 2.0 * math.pi
     lifted = pump.slipper.variable > 0.5
-    pieces_left, step = 0, dt
+    pieces_left, step, blow = 0, dt, False
     through = np.empty(N_FLOWS)
     for i in range(n_steps):
         end = start + (i + 1) * interval
@@ -276,14 +275,18 @@ def run_loop(
                 n_left = math.ceil(left / h - 1.0e-9)
                 step = left / n_left
                 before[:] = y
+                blow = lifted and slippers.choose_substeps(pump, y, n, step, ch)
             else:
                 if j == substeps:
                     break
                 if pieces_left == 0:
                     pieces_left, step = 1, dt
-                    if lifted and slippers.choose_substeps(pump, y, n, dt, ch):
+                    blow = lifted and slippers.choose_substeps(pump, y, n, dt, ch)
+                    if blow:
                         pieces_left = max(1, math.ceil(dt / _BLOW_STEP - 1.0e-9))
                         step = dt / pieces_left
+                if blow:
+                    slippers.choose_substeps(pump, y, n, step, ch)
             segment = _inputs_at(times, table, time + 0.5 * step, segment, inputs)
             if segment != fresh or not constant:
                 scene = scene_of(pump, circuit, inputs)

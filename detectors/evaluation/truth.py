@@ -1,0 +1,59 @@
+"""When a simulated fault is worth a word: the truth that stated probabilities are held against.
+
+A judge that states the probability of a fault means one above that fault's own floor (``state_model.FaultKind.floor``):
+what is smaller counts as healthy in its sums. So the truth of a record is the fault where its true change since the
+installation reaches the floor, and health before.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.evaluation.reality import Course
+from detectors.evaluation.rows import Row
+from detectors.state_model import FAULT_KINDS
+from detectors.verdict import State
+
+Array = NDArray[np.float64]
+
+_KIND_OF: Mapping[str, str] = {
+    "slippers": "leakage, slippers",
+    "port plate": "leakage, port plate",
+    "three slippers": "uneven wear",
+    "three pistons": "uneven wear",
+    "one slipper": "uneven wear",
+    "system": "system leakage, orifice",
+    "drain": "drain restriction",
+    "setting": "setting",
+    "bleed": "bleed",
+}
+"""Judge's kind of fault by the simulated one; what it has no kind for counts as faulty from its onset on."""
+_FLOORS = {k.name: k.floor for k in FAULT_KINDS}
+
+
+def since_installation(values: Array, moved_at: int | None) -> Array:
+    """Change since the installation that each flight belongs to, of sizes (n_pumps, n_flights) that start at 0."""
+    if moved_at is None:
+        return values
+    result = values.copy()
+    result[:, moved_at:] -= values[:, moved_at - 1 : moved_at]
+    return result
+
+
+def is_worth_a_word(row: Row, courses: tuple[Course, ...], n_pumps: int, sensor_floor_bar: float) -> NDArray[np.bool_]:
+    """Flights on which the fault of the row exceeds its floor, shape (n_pumps, n_flights)."""
+    shape = (n_pumps, row.n_flights)
+    if row.truth is State.HEALTHY:
+        return np.zeros(shape, dtype=np.bool_)
+    if row.worn:
+        return np.ones(shape, dtype=np.bool_)
+    if not courses:
+        sensing = row.sensing
+        stepped = np.arange(row.n_flights) >= sensing.step_at
+        return np.tile(stepped & (abs(sensing.case_zero_step) >= sensor_floor_bar), (n_pumps, 1))
+    size = np.abs(since_installation(courses[0].size, row.moved_at))
+    if courses[0].kind == "drain":
+        size = np.log1p(size)  # the judge counts restrictions in logarithms
+    floor = _FLOORS[_KIND_OF[courses[0].kind]] if courses[0].kind in _KIND_OF else 0.0
+    return np.asarray((size > 0.0) & (size >= floor))
