@@ -8,6 +8,7 @@ from detectors.assessment import assess
 from detectors.isolability import isolability
 from detectors.isolability_plan import Plan, sensors_of
 from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
+from detectors.snapshot import judge_version
 from detectors.thresholds import effective
 from twin.pumps import circuit_parameters, pump_type
 
@@ -19,6 +20,7 @@ _RECORDS = 13
 def warm_up() -> None:
     """Load or build the compiled code: operating point, transient pump, order surfaces, bank (minutes the first time)."""
     twin.warm_up.warm_up()
+    judge_version()  # reads the sources
     pump, circuit = pump_type("h225"), circuit_parameters("shared_return")
     assess(History(tuple(_flight(i) for i in range(_RECORDS))), pump, circuit, effective({}))
     isolability(Plan(sensors_of(pump), baseline_flights=1, flights=1, burst=True), pump, circuit)

@@ -23,6 +23,7 @@ from service.alarms.ledger import catch_up
 from service.api_document.document import openapi_document
 from service.api_document.page import docs_router
 from service.context import Context
+from service.dashboard.actions import action_router
 from service.dashboard.pages import STATIC, page_router
 from service.dashboard.sign_in import sign_in_router
 from service.database import Database, pending_migration, upgrade
@@ -135,6 +136,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.include_router(api)
     app.include_router(operations.router)
     app.include_router(page_router)
+    app.include_router(action_router)
     app.include_router(sign_in_router)
     app.include_router(docs_router)
     app.mount("/static", STATIC, name="static")

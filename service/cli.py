@@ -70,10 +70,17 @@ def demo(
     exit_: Annotated[
         bool, typer.Option("--exit", help="Stop after the table; exit code 1 if a verdict is wrong")
     ] = False,
+    files: Annotated[
+        Path | None, typer.Option(help="Only write the flight records, into this folder", file_okay=False)
+    ] = None,
 ) -> None:
     """Simulate a small fleet, upload it through the API, show its verdicts, leave the server running."""
-    from service.demo.run import compare, free_port, operator_of, served, upload_fleet  # noqa: PLC0415 - heavy, and only here
+    from service.demo.run import compare, free_port, operator_of, served, upload_fleet, write_fleet  # noqa: PLC0415 - heavy, and only here
 
+    if files is not None:
+        n_files = write_fleet(files, flights, seed)
+        console.print(f"{n_files} flight records in {files}", highlight=False, soft_wrap=True)
+        return
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(40))
     host = "127.0.0.1"
     settings = Settings(auth="off")
@@ -205,13 +212,22 @@ def analyse(
     files: Files,
     output: Annotated[Path | None, typer.Option(help="Folder for the pictures")] = None,
     serial: Annotated[str | None, typer.Option(help="Pump serial, where the files do not say it")] = None,
+    instead: Annotated[
+        str | None,
+        typer.Option("--pump", help="Pump type instead of the files' own: a name, or a .toml or .json file"),
+    ] = None,
 ) -> None:
     """Analyse files without a server: windows, verdict and picture per pump."""
     from service.monitoring.offline import analyse_files  # noqa: PLC0415 - heavy, and only here
+    from service.parameter_files import named_or_written  # noqa: PLC0415
 
     settings = Settings()
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
-    found = analyse_files(files, limits, {"pump_serial": serial} if serial else {})
+    try:
+        kind = named_or_written(instead) if instead else None
+    except ValueError as error:
+        raise failure(f"--pump {error}", 2) from None
+    found = analyse_files(files, limits, {"pump_serial": serial} if serial else {}, kind)
     for path, problem in found.refused:
         _show_refusal(path, problem)
     for pump in found.pumps:

@@ -17,7 +17,7 @@ def simulate(
     scenario: Annotated[Path, typer.Argument(help="Scenario file: TOML", exists=True, dir_okay=False)],
     output: Annotated[Path, typer.Option(help="Flight record to write: .parquet or .csv")],
     picture: Annotated[Path | None, typer.Option(help="Picture to draw: .svg or .png")] = None,
-    pump: Annotated[str, typer.Option(help="Pump type")] = "h225",
+    pump: Annotated[str, typer.Option(help="Pump type: a name, or a .toml or .json file")] = "h225",
     circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
     sensors: Annotated[str, typer.Option(help="none (the truth), helicopter or test_bench")] = "none",
     seed: Annotated[int, typer.Option(min=0, help="Another seed is other chance in the sensors")] = 1,
@@ -43,6 +43,37 @@ def simulate(
         console.print(words, highlight=False, soft_wrap=True)
     if not outcome.status.ok:
         raise failure(f"{outcome.status.advice}. What was computed until then is kept.")
+
+
+@app.command()
+def identify(
+    points: Annotated[Path, typer.Argument(help="Test-bench points: CSV", exists=True, dir_okay=False)],
+    output: Annotated[Path, typer.Option(help="Parameter set to write: .toml", dir_okay=False)],
+    id_: Annotated[str, typer.Option("--id", help="Name of the new pump type")],
+    pump: Annotated[str, typer.Option(help="Pump type to start from")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit that the pump ran in")] = "acceptance_stand",
+    free: Annotated[list[str] | None, typer.Option(help="Number to find, e.g. slipper.h; may be repeated")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Also write all numbers", dir_okay=False)] = None,
+) -> None:
+    """Calibrate a pump type from test-bench points; exit code 1 if they determine none of its numbers, 2 if wrong."""
+    from service.bench_points import PointFaultsError  # noqa: PLC0415 - heavy, and only here
+    from service.identification import identified  # noqa: PLC0415
+
+    try:
+        found = identified(points, output, id_, pump, circuit, free)
+    except PointFaultsError as error:
+        raise failure(f"{points} has {len(error.faults)} fault(s)\n  " + "\n  ".join(error.faults), 2) from None
+    except (ValueError, OSError) as error:
+        raise failure(str(error), 2) from None
+    console.print(found.table)
+    for line in found.remarks:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    if json_ is not None:
+        json_.parent.mkdir(parents=True, exist_ok=True)
+        json_.write_text(found.json, encoding="utf-8")
+    if not found.written:
+        raise failure("the points determine no number of the pump; nothing was written")
+    console.print(f"Parameter set: {output}", highlight=False, soft_wrap=True)
 
 
 @app.command()

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from service.errors import NotFound
 from service.monitoring.analysis import empty_verdict, thresholds_of
+from service.parameter_sets import held_type
 from service.security import Principal
 from service.tables import Aircraft, ApiKey, Pump, Record, StoredAssessment, VerdictRevision, Webhook
 
@@ -186,7 +187,8 @@ def verdict(session: Session, row: Pump, at: datetime | None = None) -> dict[str
     last = session.scalar(query.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(1))
     if last is not None:
         return last.verdict
-    return empty_verdict(row.pump_type, thresholds_of(session, row.operator, row.serial, row.pump_type))
+    kind = held_type(session, row.operator, row.pump_type)
+    return empty_verdict(kind, thresholds_of(session, row.operator, row.serial, row.pump_type))
 
 
 def verdict_changes(session: Session, row: Pump) -> list[StoredAssessment]:

@@ -30,9 +30,13 @@ class Principal:
     role: str
     operator: str | None
 
+    def may(self, role: str) -> bool:
+        """True with this role or a higher one."""
+        return ROLES.index(self.role) >= ROLES.index(role)
+
     def require(self, role: str) -> None:
         """Raise ``Forbidden`` unless this role or a higher one is held."""
-        if ROLES.index(self.role) < ROLES.index(role):
+        if not self.may(role):
             raise Forbidden(f"this needs the role {role}; {self.owner} is {self.role}")
 
     def operator_of(self, wanted: str | None) -> str:

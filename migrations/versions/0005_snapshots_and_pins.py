@@ -23,7 +23,7 @@ def upgrade() -> None:
         batch_op.add_column(sa.Column("chain", sa.String(), nullable=True))
         batch_op.add_column(sa.Column("side", sa.String(), nullable=True))
         batch_op.add_column(sa.Column("candidates", DOCUMENT, nullable=True))
-        batch_op.add_column(sa.Column("case_flow_lpm", sa.Float(), nullable=True))
+        batch_op.add_column(sa.Column("case_flow_lpm", sa.Double(), nullable=True))
     op.create_table(
         "fold_snapshots",
         sa.Column("id", sa.Integer(), nullable=False),

@@ -1,8 +1,8 @@
 """The pages: fleet, pump."""
 
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request
@@ -22,12 +22,14 @@ from service.errors import NotFound, Problem, Unauthenticated
 from service.monitoring.analysis import thresholds_of
 from service.monitoring.curve import curve_of
 from service.monitoring.forecast import forecast_of
+from service.monitoring.knowledge import entries
 from service.monitoring.trend import trend_of
+from service.registry import findings
 from service.registry.findings import judged_findings, rates
 from service.routes.fleet import fleet
 from service.routes.pumps import shown
 from service.security import Principal
-from service.tables import Pump
+from service.tables import Finding, Pump
 
 _HERE = Path(__file__).resolve().parent
 STATIC = StaticFiles(directory=_HERE / "static")
@@ -177,10 +179,39 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
             "forecast": forecast_of(session, row),
             "trends": _trends(session, row),
             "alarms": _alarms(session, asker, row),
+            "findings": [
+                findings.document(f)
+                for f in sorted(entries(session, Finding, row.id), key=lambda f: f.at, reverse=True)
+            ],
+            **_actions(request, session, asker, row),
             "faults": [State.HEALTHY, *FAULTS],
             "api": f"/api/v1/pumps/{quote(serial, '')}",
         }
     return "pump.html", 200, values
+
+
+def _actions(request: Request, session: Session, asker: Principal, row: Pump) -> dict[str, Any]:
+    """What the forms of the pump page need; they are shown to those who may use them."""
+    visitor = visitor_of(request) if context_of(request).settings.auth_is_on else None
+    longest = thresholds_of(session, row.operator, row.serial, row.pump_type).values["alarm_shelving_maximum_h"]
+    now = datetime.now(UTC)
+    # a minute less: the form is sent later than it is made
+    latest = now + timedelta(hours=longest) - timedelta(minutes=1)
+    return {
+        "may_act": asker.may("analyst"),
+        "csrf_token": visitor.csrf_token if visitor else "",
+        "finding_action": f"/pumps/{quote(row.serial, '')}/findings?operator={quote(row.operator, '')}",
+        "found_words": {name: WORDS.get(name, "No fault found") for name in get_args(findings.Found)},
+        "longest_shelf_h": longest,
+        "now": _local(now),
+        "usual_shelf": _local(min(now + timedelta(hours=24), latest)),
+        "latest_shelf": _local(latest),
+    }
+
+
+def _local(instant: datetime) -> str:
+    """An instant as a form's field has it, in UTC to the minute."""
+    return f"{instant:%Y-%m-%dT%H:%M}"
 
 
 def _alarms(session: Session, asker: Principal, row: Pump) -> list[dict[str, Any]]:

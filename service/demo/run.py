@@ -5,6 +5,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import uvicorn
 from rich.console import Console
@@ -65,6 +66,17 @@ def upload_fleet(client: Client, n_flights: int, seed: int, console: Console) ->
         for record in fleet_records(n_flights, seed):
             client.upload(record.content, metadata={"operator": operator_of(n_flights, seed)})
             progress.advance(task)
+
+
+def write_fleet(folder: Path, n_flights: int, seed: int) -> int:
+    """Write the fleet's flight records as CSV files, one folder per pump; gives their number."""
+    n_files = 0
+    for record in fleet_records(n_flights, seed):
+        path = folder / record.pump.serial / f"{record.flight_id}.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(record.content)
+        n_files += 1
+    return n_files
 
 
 def operator_of(n_flights: int, seed: int) -> str:

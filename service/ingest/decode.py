@@ -9,11 +9,11 @@ import numpy as np
 
 from service.errors import Fault, Invalid
 from service.ingest.mapping import ChannelMapping, mapped
-from service.ingest.metadata import RecordMetadata, checked_metadata
+from service.ingest.metadata import RecordMetadata, TypeLookup, built_in, checked_metadata
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawRecord
 from service.ingest.validation import channel_faults
-from twin.pumps import PUMP_TYPES, pump_type
+from twin.pumps import PUMP_TYPES
 from twin.recording import Recording
 
 __all__ = ["DEFAULT_PUMP_TYPE", "DecodedRecord", "Limits", "checked", "decode"]
@@ -41,6 +41,7 @@ def decode(
     limits: Limits,
     registered_type: RegisteredType = _no_registry,
     mapping: ChannelMapping | None = None,
+    types: TypeLookup = built_in,
 ) -> DecodedRecord:
     """Decode and check one upload in this process; what comes from a network is parsed by ``ParserPool`` instead.
 
@@ -56,6 +57,8 @@ def decode(
         Pump type that is registered for (operator, serial), if any.
     mapping
         Names and units of a foreign file.
+    types
+        Pump types that the record may name.
 
     Raises
     ------
@@ -64,7 +67,11 @@ def decode(
     """
     dialect = mapping.dialect if mapping is not None else None
     return checked(
-        parsed(content, content_type, content_encoding, limits, dialect), overrides, registered_type, mapping
+        parsed(content, content_type, content_encoding, limits, dialect),
+        overrides,
+        registered_type,
+        mapping,
+        types=types,
     )
 
 
@@ -74,6 +81,7 @@ def checked(
     registered_type: RegisteredType = _no_registry,
     mapping: ChannelMapping | None = None,
     now: datetime | None = None,
+    types: TypeLookup = built_in,
 ) -> DecodedRecord:
     """A parsed record with its mapping applied and everything about it checked.
 
@@ -83,6 +91,8 @@ def checked(
         As for ``decode``.
     now
         The record must not lie in the future of this instant; None takes the clock's.
+    types
+        Pump types that the record may name.
 
     Raises
     ------
@@ -92,11 +102,12 @@ def checked(
     if mapping is not None:
         raw = mapped(raw, mapping)
     named = {**raw.metadata, **overrides}
-    metadata, faults = checked_metadata(named, now)
+    owner = str(named["operator"]) if named.get("operator") else None
+    metadata, faults = checked_metadata(named, now, lambda name: types(owner, name) is not None)
     kind = named.get("pump_type")
     if not kind and metadata is not None:
         kind = registered_type(metadata.operator, metadata.pump_serial)
-    pump = pump_type(str(kind) if kind in PUMP_TYPES else DEFAULT_PUMP_TYPE)
+    pump = (types(owner, str(kind)) if kind else None) or PUMP_TYPES[DEFAULT_PUMP_TYPE]
     if "absolute" in raw.references.values() and not named.get("ambient_pressure_bar"):
         faults.append(Fault("ambient_pressure_bar", "is needed: the mapping says that a pressure is absolute"))
     channels = _gauge(raw, metadata)

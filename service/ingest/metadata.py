@@ -1,15 +1,18 @@
 """Metadata of a flight record: what it must say, what it may say, and what is wrong with it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from service.errors import Fault
+from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
 from twin.units import STANDARD_ATMOSPHERE_BAR
 
+TypeLookup = Callable[[str | None, str], PumpType | None]
+"""Pump type that (operator, name) means; None where there is none."""
 TEXTS_REQUIRED = ("pump_serial", "aircraft", "position", "flight_id")
 TEXTS_OPTIONAL = ("segment", "pump_type", "operator")
 KNOWN = (
@@ -23,6 +26,11 @@ KNOWN = (
 _LONGEST_TEXT = 200
 CLOCK_TOLERANCE = timedelta(days=1)
 """A wrong zone shifts by up to 14 h; a record that is later than this cannot have been flown yet."""
+
+
+def built_in(_operator: str | None, name: str) -> PumpType | None:
+    """The twin's own parameter sets alone."""
+    return PUMP_TYPES.get(name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,15 +52,20 @@ class RecordMetadata:
 
 
 def checked_metadata(
-    values: Mapping[str, Any], now: datetime | None = None
+    values: Mapping[str, Any],
+    now: datetime | None = None,
+    is_type: Callable[[str], bool] = PUMP_TYPES.__contains__,
 ) -> tuple[RecordMetadata | None, list[Fault]]:
-    """Metadata with every fault in it; None when there is any. ``now`` is the latest instant but for clocks' error."""
+    """Metadata with every fault in it; None when there is any. ``now`` is the latest instant but for clocks' error.
+
+    ``is_type`` tells whether a pump type is known.
+    """
     faults: list[Fault] = []
     texts = {
         name: _text(name, values.get(name), name in TEXTS_REQUIRED, faults)
         for name in (*TEXTS_REQUIRED, *TEXTS_OPTIONAL)
     }
-    if texts["pump_type"] and texts["pump_type"] not in PUMP_TYPES:
+    if texts["pump_type"] and not is_type(texts["pump_type"]):
         faults.append(
             Fault("pump_type", f"{texts['pump_type']!r} is not known; known: {', '.join(sorted(PUMP_TYPES))}")
         )

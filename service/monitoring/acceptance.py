@@ -18,15 +18,18 @@ from service.database import Database
 from service.errors import Conflict, Fault, Invalid, NotFound, Problem
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
 from service.ingest.mapping_version import MappingVersion
+from service.ingest.metadata import TypeLookup
 from service.ingest.parse import check_type
 from service.monitoring.analysis import analysed, keep_analysis, thresholds_of
 from service.monitoring.archive import Archive, RegisteredType
 from service.monitoring.knowledge import setting_of
 from service.monitoring.refold import Cause, refold
+from service.parameter_sets import find_type, held_type
 from service.registry.arrival import known_aircraft
 from service.security import Principal
 from service.spool import SpooledFile
 from service.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
+from twin.parameters import PumpType
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +128,7 @@ class Acceptance:
             if row is None or row.status != STORED:
                 return
         try:
-            decoded = self._archive.decoded_again(row, self._registered(row.operator))
+            decoded = self._archive.decoded_again(row, self._registered(row.operator), self._types(row.operator))
             if decoded.metadata.operator not in (None, row.operator):
                 raise Invalid("the file names another operator", [Fault("operator", "is not the uploader's")])
             self._finish(record_id, decoded, row.operator)
@@ -143,6 +146,7 @@ class Acceptance:
             upload.overrides,
             upload.mapping,
             self._registered(operator),
+            self._types(operator),
         )
 
     def _registered(self, operator: str) -> RegisteredType:
@@ -152,6 +156,13 @@ class Acceptance:
                 return session.scalar(query)
 
         return registered
+
+    def _types(self, operator: str) -> TypeLookup:
+        def known(named: str | None, name: str) -> PumpType | None:
+            with self._database.reading() as session:
+                return find_type(session, named or operator, name)
+
+        return known
 
     def _known(self, request_hash: str) -> str | None:
         with self._database.reading() as session:
@@ -191,14 +202,15 @@ class Acceptance:
         serial, started_at = metadata.pump_serial, metadata.started_at
         with self._database.reading() as session:
             held = _pump(session, operator, serial)
-            kind = held.pump_type if held else (metadata.pump_type or DEFAULT_PUMP_TYPE)
-            thresholds = thresholds_of(session, operator, serial, kind)
+            name = held.pump_type if held else (metadata.pump_type or DEFAULT_PUMP_TYPE)
+            kind = held_type(session, operator, name)
+            thresholds = thresholds_of(session, operator, serial, name)
             setting = setting_of(session, operator, serial, metadata.aircraft, metadata.position, started_at)
         # the long part comes before the lock; what changes meanwhile, the fold notices by the key
         analysis = analysed(decoded.recording, kind, setting, thresholds)
         try:
             with self._database.writing() as session:
-                pump = _locked_pump(session, operator, serial, kind)
+                pump = _locked_pump(session, operator, serial, name)
                 known_aircraft(session, operator, metadata.aircraft)
                 row = session.get(Record, record_id, populate_existing=True)
                 if row is None or row.status != STORED:

@@ -18,7 +18,7 @@ from service.monitoring.placement import Place
 from service.monitoring.setting import Setting
 from service.tables import Record
 from service.threshold_layers import Candidate, Effective, effective_thresholds, pump_scopes
-from twin.pumps import pump_type
+from twin.parameters import PumpType
 from twin.recording import Recording
 from twin.version import twin_version
 
@@ -51,9 +51,9 @@ def thresholds_of(
     return effective_thresholds(session, pump_scopes(operator, serial, kind), known_at, candidate)
 
 
-def analysed(recording: Recording, kind: str, setting: Setting, thresholds: Effective) -> RecordAnalysis:
+def analysed(recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective) -> RecordAnalysis:
     """Reduce a recording and compare its windows with the twin."""
-    pump, circuit = setting.pump_type(pump_type(kind)), setting.circuit_parameters
+    pump, circuit = setting.pump_type(kind), setting.circuit_parameters
     reduction = reduce_recording(recording, pump, thresholds.values)
     residuals = {
         str(i): residuals_to_json(window_residuals(window, reduction.zero, pump, circuit))
@@ -64,10 +64,10 @@ def analysed(recording: Recording, kind: str, setting: Setting, thresholds: Effe
     return RecordAnalysis(key, reduction_to_json(reduction), residuals)
 
 
-def analysis_key(kind: str, setting: Setting, thresholds: Effective) -> str:
+def analysis_key(kind: PumpType, setting: Setting, thresholds: Effective) -> str:
     """Key of everything that a record's reduction and residuals depend on besides its bytes."""
     windows = sorted((k, v) for k, v in thresholds.values.items() if k.startswith(_WINDOW_KEYS))
-    parts = (twin_version(pump_type(kind)), setting, windows)
+    parts = (twin_version(kind), setting, windows)
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
 
@@ -106,7 +106,7 @@ def observation_at(outline: Outline, reduction: dict[str, Any], flight_hours: fl
     )
 
 
-def empty_verdict(kind: str, thresholds: Effective) -> dict[str, Any]:
+def empty_verdict(kind: PumpType, thresholds: Effective) -> dict[str, Any]:
     """Verdict of a pump without records."""
     missing = int(thresholds.values["baseline_records"])
     state = State.INSUFFICIENT_DATA
@@ -125,4 +125,4 @@ def empty_verdict(kind: str, thresholds: Effective) -> dict[str, Any]:
         advice=advice(state, (), {}, thresholds.values["case_flow_limit_lpm"], missing),
         resolving_measurement=None,
     )
-    return verdict_to_json(verdict, twin_version(pump_type(kind)), thresholds.version)
+    return verdict_to_json(verdict, twin_version(kind), thresholds.version)

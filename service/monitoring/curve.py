@@ -13,8 +13,8 @@ from service.monitoring.analysis import observation_of
 from service.monitoring.knowledge import counting_records, setting_of
 from service.monitoring.placement import Place
 from service.monitoring.setting import Setting
+from service.parameter_sets import held_type
 from service.tables import Pump, Record
-from twin.pumps import pump_type
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ def curve_of(
         last = rows[-1]
         place = (last.aircraft or "", last.position or "")
         setting = setting_of(session, pump.operator, pump.serial, *place, _start(last))
-    kind = setting.pump_type(pump_type(pump.pump_type))
+    kind = setting.pump_type(held_type(session, pump.operator, pump.pump_type))
     condition = latest_condition(observations, kind)
     if speed_rpm is not None:
         condition = condition._replace(speed_rpm=speed_rpm)

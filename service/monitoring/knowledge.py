@@ -16,6 +16,7 @@ from service.monitoring.archive import Archive
 from service.monitoring.fold import Known, Observations, PlacedRecord
 from service.monitoring.placement import Interval, Place, changes, place_at
 from service.monitoring.setting import Setting, setting_at
+from service.parameter_sets import held_type
 from service.tables import (
     ANALYSED,
     SUPERSEDED,
@@ -29,7 +30,6 @@ from service.tables import (
     RegistryVersion,
 )
 from service.threshold_layers import Effective
-from twin.pumps import pump_type
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 AnyRow: TypeAlias = Row[*tuple[Any, ...]]
@@ -86,9 +86,10 @@ def knowledge(
         Parameter set of the twin that stands in for the pump's own; None for its own.
     """
     rows = session.execute(select(*_LIGHT).where(*_counting(pump.id, known_at))).all()
-    kind, registered = _kind(session, pump, rows, known_at)
-    kind = pump_type_name or kind
-    thresholds = thresholds or thresholds_of(session, pump.operator, pump.serial, kind, known_at)
+    name, registered = _kind(session, pump, rows, known_at)
+    name = pump_type_name or name
+    kind = held_type(session, pump.operator, name)
+    thresholds = thresholds or thresholds_of(session, pump.operator, pump.serial, name, known_at)
     intervals = installation_intervals(session, pump.id, known_at)
     placed, anew = [], {}
     aircraft: dict[str, Mapping[str, Any]] = {}
@@ -102,7 +103,7 @@ def knowledge(
         if place.aircraft not in aircraft:
             aircraft[place.aircraft] = registry_values(session, pump.operator, "aircraft", place.aircraft, known_at)
         setting = setting_at(aircraft[place.aircraft], row.started_at)
-        flags = place.flags + _record_flags(row, kind, registered, setting)
+        flags = place.flags + _record_flags(row, name, registered, setting)
         if setting not in keys:
             keys[setting] = analysis_key(kind, setting, thresholds)
         outline = without_outline.get(row.id) or _stored_outline(row)
@@ -115,9 +116,9 @@ def knowledge(
         placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
     placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
     maintenance = tuple(Maintenance(e.at, e.action) for e in entries(session, MaintenanceEvent, pump.id, known_at))
-    known = Known(pump_type(kind), thresholds.values, tuple(placed), maintenance, changes(intervals))
+    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals))
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
-    return Knowledge(known, kind, thresholds, anew, hours)
+    return Knowledge(known, name, thresholds, anew, hours)
 
 
 _LIGHT = (

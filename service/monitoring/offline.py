@@ -14,9 +14,11 @@ from detectors.thresholds import effective
 from detectors.verdict import Assessment
 from service.errors import Problem
 from service.ingest.decode import DEFAULT_PUMP_TYPE, Limits, decode
+from service.ingest.metadata import TypeLookup, built_in
 from service.monitoring.setting import DEFAULT_CIRCUIT
 from service.raw_store import content_hash
 from service.upload_files import content_type_of
+from twin.parameters import PumpType
 from twin.pumps import circuit_parameters, pump_type
 
 
@@ -48,8 +50,14 @@ class OfflineAnalysis:
     refused: tuple[tuple[Path, Problem], ...]
 
 
-def analyse_files(paths: Sequence[Path], limits: Limits, overrides: dict[str, Any] | None = None) -> OfflineAnalysis:
-    """Analyse files of any number of pumps; a bad file costs its neighbours nothing."""
+def analyse_files(
+    paths: Sequence[Path], limits: Limits, overrides: dict[str, Any] | None = None, instead: PumpType | None = None
+) -> OfflineAnalysis:
+    """Analyse files of any number of pumps; a bad file costs its neighbours nothing.
+
+    ``instead`` is the pump type that all are judged by, whatever they name.
+    """
+    types: TypeLookup = built_in if instead is None else lambda _operator, _name: instead
     thresholds = effective({})
     circuit = circuit_parameters(DEFAULT_CIRCUIT)
     by_pump: dict[tuple[str, str], dict[str, AnalysedFile]] = {}
@@ -57,12 +65,12 @@ def analyse_files(paths: Sequence[Path], limits: Limits, overrides: dict[str, An
     for path in paths:
         content = path.read_bytes()
         try:
-            decoded = decode(content, content_type_of(path), "", overrides or {}, limits)
+            decoded = decode(content, content_type_of(path), "", overrides or {}, limits, types=types)
         except Problem as problem:
             refused.append((path, problem))
             continue
         metadata = decoded.metadata
-        kind = pump_type(metadata.pump_type or DEFAULT_PUMP_TYPE)
+        kind = instead or pump_type(metadata.pump_type or DEFAULT_PUMP_TYPE)
         reduction = reduce_recording(decoded.recording, kind, thresholds)
         observation = Observation(
             record_id=content_hash(content)[:32],
@@ -80,7 +88,7 @@ def analyse_files(paths: Sequence[Path], limits: Limits, overrides: dict[str, An
         files[observation.record_id] = AnalysedFile(path, metadata.pump_serial, observation, residuals)
     pumps = []
     for (serial, name), files in sorted(by_pump.items()):
-        kind = pump_type(name)
+        kind = instead or pump_type(name)
         observations = tuple(f.observation for f in files.values())
         assessments = assess(History(observations), kind, circuit, thresholds)
         curve = damage_identification_curve(observations, kind, circuit, latest_condition(observations, kind))

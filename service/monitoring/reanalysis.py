@@ -19,10 +19,10 @@ from service.monitoring.codec import verdict_to_json
 from service.monitoring.fold import fold
 from service.monitoring.knowledge import Knowledge, knowledge
 from service.monitoring.refold import REPROCESSED, Cause, refold
+from service.parameter_sets import held_type
 from service.tables import ANALYSED, Pump, Record
 from service.threshold_layers import Effective, Scope, effective_thresholds, pump_scopes
 from service.threshold_pins import hold, newest_number
-from twin.pumps import pump_type
 from twin.version import twin_version
 
 _MOST_CHANGES_SHOWN = 50
@@ -157,7 +157,7 @@ def reprocessed(
         refold(session, pump, archive, cause, from_scratch=wanted is not None)
         after, thresholds = points_of(session, pump_id), _thresholds(session, pump)
         alarms = gained_and_lost(lives(before, (), old_rules), lives(after, (), rules_of(thresholds.values)))
-        return _change(pump, before, after, alarms, twin_version(pump_type(pump.pump_type)), thresholds.version)
+        return _change(pump, before, after, alarms, twin_version(held_type(session, pump.operator, pump.pump_type)), thresholds.version)
 
 
 def rehearsed(

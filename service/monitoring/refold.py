@@ -100,7 +100,7 @@ def verdict_known_at(
     found = knowledge(session, pump, archive, known_at)
     assessments = [a for a in fold(found.known, found.observations(session)) if at is None or a.at <= at]
     if not assessments:
-        return empty_verdict(found.kind, found.thresholds)
+        return empty_verdict(found.known.kind, found.thresholds)
     return verdict_to_json(assessments[-1].verdict, twin_version(found.known.kind), found.thresholds.version)
 
 

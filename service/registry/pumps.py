@@ -7,14 +7,14 @@ from pydantic import ConfigDict
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.errors import Conflict, Fault, Invalid
+from service.errors import Conflict
 from service.ingest.decode import DEFAULT_PUMP_TYPE
 from service.monitoring.archive import Archive
 from service.monitoring.knowledge import registry_values
 from service.monitoring.refold import Cause, refold
+from service.parameter_sets import asked_type
 from service.registry.fields import Body, Name
 from service.tables import Pump, RegistryVersion
-from twin.pumps import PUMP_TYPES
 
 
 class NewPump(Body):
@@ -44,7 +44,7 @@ def create(session: Session, operator: str, body: NewPump, author: str) -> Pump:
     Invalid
         when the pump type does not exist.
     """
-    _check_type(body.pump_type)
+    asked_type(session, operator, body.pump_type, "body.pump_type")
     if session.scalar(select(Pump.id).where(Pump.operator == operator, Pump.serial == body.serial)):
         raise Conflict(f"pump {body.serial} is registered already: confirm or change it with PATCH")
     pump = Pump(
@@ -68,22 +68,13 @@ def change(session: Session, pump: Pump, body: PumpChange, author: str, archive:
         when the pump type does not exist.
     """
     if body.pump_type is not None:
-        _check_type(body.pump_type)
+        asked_type(session, pump.operator, body.pump_type, "body.pump_type")
     values: dict[str, Any] = {"pump_type": body.pump_type or pump.pump_type, "confirmed": body.confirmed}
     if values == registry_values(session, pump.operator, "pump", pump.serial):
         return
     _append(session, pump, values, author)
     pump.confirmed = body.confirmed
     refold(session, pump, archive, Cause("pump_changed", pump.serial))
-
-
-def _check_type(name: str) -> None:
-    if name not in PUMP_TYPES:
-        known = ", ".join(sorted(PUMP_TYPES))
-        raise Invalid(
-            "the pump type does not exist; nothing was changed",
-            [Fault("body.pump_type", f"{name!r} is not known; known: {known}")],
-        )
 
 
 def _append(session: Session, pump: Pump, values: dict[str, Any], author: str) -> None:

@@ -1,77 +1,120 @@
 """Pump types: the twin's parameter sets, and healthy curves measured for them."""
 
+import json
+import tomllib
 from typing import Annotated, Any
+from urllib.parse import quote
 
-from fastapi import APIRouter, Query, Response
-from pydantic import ConfigDict, Field
+from fastapi import APIRouter, Query, Request, Response
+from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
 
 from service import audit
-from service.context import Asker, ContextOf
-from service.errors import Conflict, Fault, Forbidden, Invalid, NotFound
+from service.context import Asker, Context, ContextOf
+from service.errors import Fault, Forbidden, Invalid, NotFound, TooLarge, Undecodable, UnknownType
+from service.parameter_sets import find_type, store, types
 from service.registry import reference_curves
-from service.registry.fields import Body, Name
+from service.security import Principal
 from twin.parameters import PumpType
-from twin.pumps import PUMP_TYPES
+from twin.pumps.written import document_of
 from twin.version import twin_version
 
 router = APIRouter(prefix="/pump-types", tags=["registry"])
-Operator = Annotated[str | None, Query(description="Whose curve; a key of one operator always means its own")]
+Operator = Annotated[str | None, Query(description="For whom; a key of one operator always means its own")]
 
 
-class NewPumpType(Body):
-    """A variant of a built-in parameter set."""
-
-    model_config = ConfigDict(json_schema_extra={"examples": [{"id": "h225-rebuilt", "base": "h225"}]})
-    id: Name
-    base: Name
-    limits: dict[str, float] = Field(default_factory=dict)
-    population: dict[str, float] = Field(default_factory=dict)
+_EXAMPLES = [
+    {
+        "id": "h225-rebuilt",
+        "base": "h225",
+        "changes": {"slipper.h": {"value": 8.2, "unit": "um", "source": "bench run 12", "uncertainty": 0.05}},
+    }
+]
+_TOML = "application/toml"
+_QUANTITY = {
+    "type": "object",
+    "required": ["value", "unit", "source"],
+    "properties": {
+        "value": {"type": "number"},
+        "unit": {"type": "string"},
+        "source": {"type": "string"},
+        "uncertainty": {"type": ["number", "null"]},
+    },
+}
+_SCHEMA = {
+    "type": "object",
+    "required": ["id"],
+    "properties": {
+        "id": {"type": "string"},
+        "base": {"type": "string", "description": "pump type that the changes start from"},
+        "title": {"type": "string"},
+        "changes": {"type": "object", "additionalProperties": _QUANTITY},
+        "nominal_speed_rpm": {"type": "number"},
+        "nominal_reservoir_pressure_bar": {"type": "number"},
+        "sensors": {"type": "object"},
+        **{
+            group: {"type": "object", "additionalProperties": _QUANTITY}
+            for group in ("quantities", "limits", "population")
+        },
+    },
+}
+_MOST_BYTES = 2**20
 
 
 @router.get("", summary="List pump types")
-def listed(_asker: Asker) -> dict[str, Any]:
-    """The parameter sets that the twin has."""
-    return {"items": [_summary(PUMP_TYPES[name]) for name in sorted(PUMP_TYPES)], "next": None}
+def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """The parameter sets that the twin brings, and those that were added for all or for this operator."""
+    with context.database.reading() as session:
+        return {"items": [_summary(kind) for kind in types(session, asker.operator)], "next": None}
 
 
-@router.post("", status_code=201, summary="Register a pump type", response_class=Response)
-def create(body: NewPumpType, asker: Asker) -> None:
-    """Not available: a parameter set is reviewed code; the answer says what to do instead."""
+@router.post(
+    "",
+    status_code=201,
+    summary="Add a pump type",
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {
+                "application/json": {"schema": _SCHEMA, "examples": {"derived": {"value": _EXAMPLES[0]}}},
+                _TOML: {},
+            },
+        }
+    },
+)
+async def create(
+    request: Request, response: Response, context: ContextOf, asker: Asker, operator: Operator = None
+) -> dict[str, Any]:
+    """Store a whole parameter set, or a base with changes, as JSON or TOML; it is never changed afterwards.
+
+    A key of one operator adds it for that operator; a key of none for everybody unless it names an operator.
+    """
     asker.require("engineer")
-    if body.id in PUMP_TYPES:
-        raise Conflict(f"pump type {body.id} exists already")
-    faults = [Fault("body.id", "a parameter set is part of the twin's version and is released with it")]
-    if body.base not in PUMP_TYPES:
-        faults.append(Fault("body.base", f"{body.base!r} is not known; known: {', '.join(sorted(PUMP_TYPES))}"))
-    limits = "set acceptance limits with PUT /thresholds/pump-type/{id} or /thresholds/operator/{id} instead"
-    faults += [Fault(f"body.limits.{name}", limits) for name in body.limits]
-    faults += [Fault(f"body.population.{name}", "is part of the twin's version") for name in body.population]
-    raise Invalid("pump types cannot be made over the API; nothing was changed", faults)
+    content = bytearray()
+    async for piece in request.stream():
+        content += piece
+        if len(content) > _MOST_BYTES:
+            raise TooLarge(f"a parameter set has at most {_MOST_BYTES} bytes")
+    document = _document(bytes(content), request.headers.get("content-type", ""))
+    wanted = _whose(asker.operator, operator)
+    kind = await run_in_threadpool(_stored, context, asker, wanted, document)
+    response.headers["Location"] = f"/api/v1/pump-types/{quote(kind.name, safe='')}"
+    return _summary(kind)
 
 
 @router.get("/{name}", summary="One pump type")
-def one(name: str, _asker: Asker) -> dict[str, Any]:
-    """A parameter set, every number with unit, source and uncertainty."""
-    kind = _known(name)
-    numbers = {
-        group: {
-            key: {"value": q.value, "unit": q.unit, "source": q.source, "uncertainty": q.uncertainty}
-            for key, q in quantities.items()
-        }
-        for group, quantities in (
-            ("quantities", kind.quantities),
-            ("limits", kind.limits),
-            ("population", kind.population),
-        )
-    }
-    return _summary(kind) | numbers
+def one(name: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """A parameter set, every number with unit, source and uncertainty: in the shape that POST takes."""
+    with context.database.reading() as session:
+        kind = _known(session, asker, name)
+    return document_of(kind) | {"twin_version": twin_version(kind)}
 
 
 @router.get("/{name}/reference-curve", summary="Healthy curve of a pump type")
 def curve(name: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
     """Measured healthy points that hold for this operator; none where the twin's own curve does."""
-    _known(name)
     with context.database.reading() as session:
+        _known(session, asker, name)
         wanted = _whose(asker.operator, operator)
         return reference_curves.document(name, reference_curves.reference_curve(session, wanted, name))
 
@@ -86,8 +129,8 @@ def put_curve(
 ) -> dict[str, Any]:
     """Replace the measured points of one operator; a key of no operator sets them for all unless it names one."""
     asker.require("engineer")
-    _known(name)
     with context.database.writing() as session:
+        _known(session, asker, name)
         wanted = _whose(asker.operator, operator)
         row = reference_curves.put(session, wanted, name, body, asker.owner)
         details = {"points": len(body.points)}
@@ -95,10 +138,34 @@ def put_curve(
         return reference_curves.document(name, row)
 
 
-def _known(name: str) -> PumpType:
-    if name not in PUMP_TYPES:
-        raise NotFound(f"there is no pump type {name}; known: {', '.join(sorted(PUMP_TYPES))}")
-    return PUMP_TYPES[name]
+def _stored(context: Context, asker: Principal, operator: str | None, document: dict[str, Any]) -> PumpType:
+    with context.database.writing() as session:
+        kind = store(session, operator, document, asker.owner)
+        details = {"twin_version": twin_version(kind)} | {n: document[n] for n in ("base", "changes") if n in document}
+        audit.note(session, asker, "pump_type.add", f"pump-type/{kind.name}", operator, details)
+    return kind
+
+
+def _document(content: bytes, content_type: str) -> dict[str, Any]:
+    kind = content_type.partition(";")[0].strip().lower() or "application/json"
+    if kind not in ("application/json", _TOML):
+        raise UnknownType(f"{kind} is not known here; send application/json or {_TOML}")
+    try:
+        text = content.decode("utf-8")
+        document = tomllib.loads(text) if kind == _TOML else json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise Undecodable(f"the body is not {kind}: {str(error)[:200]}") from None
+    if not isinstance(document, dict):
+        raise Invalid("a pump type is an object", [Fault("body", "is not an object")])
+    return document
+
+
+def _known(session: Session, asker: Principal, name: str) -> PumpType:
+    found = find_type(session, asker.operator, name)
+    if found is None:
+        known = ", ".join(kind.name for kind in types(session, asker.operator))
+        raise NotFound(f"there is no pump type {name}; known: {known}")
+    return found
 
 
 def _whose(own: str | None, named: str | None) -> str | None:
@@ -108,18 +175,6 @@ def _whose(own: str | None, named: str | None) -> str | None:
 
 
 def _summary(kind: PumpType) -> dict[str, Any]:
-    return {
-        "id": kind.name,
-        "title": kind.title,
-        "twin_version": twin_version(kind),
-        "nominal_speed_rpm": kind.nominal_speed_rpm,
-        "nominal_reservoir_pressure_bar": kind.nominal_reservoir_pressure_bar,
-        "sensors": {
-            channel: {
-                "full_scale_bar": sensor.full_scale_bar,
-                "accuracy_percent_full_scale": 100.0 * sensor.accuracy_fs,
-                "repeatability_percent_full_scale": 100.0 * sensor.repeatability_fs,
-            }
-            for channel, sensor in kind.sensors.items()
-        },
-    }
+    names = ("id", "title", "nominal_speed_rpm", "nominal_reservoir_pressure_bar", "sensors")
+    document = document_of(kind)
+    return {name: document[name] for name in names} | {"twin_version": twin_version(kind)}

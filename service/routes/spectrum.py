@@ -9,8 +9,8 @@ from service import queries
 from service.context import Asker, ContextOf
 from service.errors import Conflict, Fault, Invalid
 from service.monitoring.channel_spectrum import channel_spectrum
+from service.parameter_sets import held_type
 from service.tables import Pump, Record
-from twin.pumps import pump_type
 
 router = APIRouter(prefix="/records", tags=["records"])
 
@@ -29,10 +29,11 @@ def spectrum(
         row = queries.record(session, asker, record_id)
         if row.pump_id is None or row.reduction is None:
             raise Conflict(f"record {record_id} is {row.status}: there is nothing decoded to look at")
-        kind = session.get_one(Pump, row.pump_id).pump_type
+        pump = session.get_one(Pump, row.pump_id)
+        kind = held_type(session, pump.operator, pump.pump_type)
     first, last = _stretch(row, start_s, end_s)
     recording = context.archive.recording(row, kind)
-    return {"record_id": record_id} | channel_spectrum(recording, channel, pump_type(kind), first, last)
+    return {"record_id": record_id} | channel_spectrum(recording, channel, kind, first, last)
 
 
 def _stretch(row: Record, start_s: float | None, end_s: float | None) -> tuple[float, float]:

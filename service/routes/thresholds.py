@@ -14,6 +14,7 @@ from service.errors import Forbidden, NotFound, TooLarge
 from service.jobs.requests import ask_for
 from service.monitoring.preview import Workbench, preview
 from service.monitoring.reanalysis import n_pumps, refold_scope
+from service.parameter_sets import find_type
 from service.routes.jobs import shown
 from service.security import Principal
 from service.tables import ThresholdVersion
@@ -29,7 +30,6 @@ from service.threshold_layers import (
     restore,
     versions,
 )
-from twin.pumps import PUMP_TYPES
 
 router = APIRouter(prefix="/thresholds", tags=["thresholds"])
 _MOST_PUMPS_AT_ONCE = 20
@@ -201,7 +201,7 @@ def _layers(session: Session, asker: Principal, scope: str, scope_id: str, opera
     """Layers up to and including the one that was asked for."""
     if scope == "fleet" and scope_id == "default":
         return (Scope("fleet", "default"),)
-    if scope == "pump-type" and scope_id in PUMP_TYPES:
+    if scope == "pump-type" and find_type(session, asker.operator, scope_id) is not None:
         return (Scope("fleet", "default"), Scope("pump-type", scope_id))
     if scope == "operator" and asker.operator in (None, scope_id):
         return (Scope("fleet", "default"), Scope("operator", scope_id))

@@ -5,11 +5,12 @@ from typing import Any, Literal
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from service.context import Asker
-from service.errors import Fault, Invalid
+from service.context import Asker, ContextOf
+from service.errors import Invalid
+from service.parameter_sets import asked_type
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
 from twin.operating_point import operating_points, problem
-from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
+from twin.pumps import circuit_parameters
 
 router = APIRouter(prefix="/twin", tags=["twin"])
 MOST_CONDITIONS = 10_000
@@ -59,12 +60,10 @@ class OperatingPointRequest(BaseModel):
 
 
 @router.post("/operating-point", summary="Steady states of the twin")
-def solve(body: OperatingPointRequest, _asker: Asker) -> dict[str, Any]:
+def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> dict[str, Any]:
     """Solve every condition; one without a solution gets a problem in its place."""
-    if body.pump_type not in PUMP_TYPES:
-        known = ", ".join(sorted(PUMP_TYPES))
-        raise Invalid("unknown pump type", [Fault("pump_type", f"{body.pump_type!r} is not one of {known}")])
-    pump = pump_type(body.pump_type).pump
+    with context.database.reading() as session:
+        pump = asked_type(session, asker.operator, body.pump_type, "pump_type").pump
     items: list[dict[str, Any]] = [{} for _ in body.conditions]
     for circuit in sorted({c.circuit for c in body.conditions}):
         places = [i for i, c in enumerate(body.conditions) if c.circuit == circuit]

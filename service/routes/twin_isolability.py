@@ -1,7 +1,6 @@
 """Isolability: what given sensors could detect and isolate, before anybody buys them."""
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, Any
 
 from fastapi import APIRouter
@@ -11,10 +10,11 @@ from detectors.isolability import FaultBound, Isolability, isolability
 from detectors.isolability_plan import PLAN_RANGES, Plan, PlanFaultsError, Sensors
 from detectors.isolability_table import REPEATABILITY_SHARE
 from detectors.verdict import SIDE_OF
-from service.context import Asker
+from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
+from service.parameter_sets import find_type, types
 from twin.parameters import PumpType, Sensor
-from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
+from twin.pumps import PUMP_TYPES, circuit_parameters
 from twin.pumps.circuits import CIRCUITS
 
 router = APIRouter(prefix="/twin", tags=["twin"])
@@ -25,17 +25,9 @@ _CHANNELS = {
 }
 
 
-def _pump_type(name: str) -> str:
-    return _known(name, PUMP_TYPES)
-
-
 def _circuit(name: str) -> str:
-    return _known(name, CIRCUITS)
-
-
-def _known(name: str, names: Mapping[str, object]) -> str:
-    if name not in names:
-        raise ValueError(f"{name!r} is not one of {', '.join(sorted(names))}")
+    if name not in CIRCUITS:
+        raise ValueError(f"{name!r} is not one of {', '.join(sorted(CIRCUITS))}")
     return name
 
 
@@ -83,7 +75,7 @@ class IsolabilityRequest(BaseModel):
         extra="forbid",
         json_schema_extra={"examples": [{"flights": 30, "temperature_range_degc": [30.0, 80.0], "burst": True}]},
     )
-    pump_type: Annotated[str, AfterValidator(_pump_type)] = "h225"
+    pump_type: str = "h225"
     circuit: Annotated[str, AfterValidator(_circuit)] = "shared_return"
     sensors: SensorsInput = SensorsInput()
     temperature_range_degc: Annotated[tuple[Temperature, Temperature], AfterValidator(_rising)] = (30.0, 80.0)
@@ -96,14 +88,21 @@ class IsolabilityRequest(BaseModel):
 
 
 @router.post("/isolability", summary="Smallest detectable and isolable faults")
-def study(body: IsolabilityRequest, _asker: Asker) -> dict[str, Any]:
+def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> dict[str, Any]:
     """Bounds of every kind of fault for the given sensors, temperatures and flights."""
-    kind = pump_type(body.pump_type)
+    with context.database.reading() as session:
+        asked = find_type(session, asker.operator, body.pump_type)
+        known = ", ".join(t.name for t in types(session, asker.operator)) if asked is None else ""
+    # the rest of the study is looked at all the same: one answer names every fault
+    kind = asked or PUMP_TYPES["h225"]
+    wrong = [] if asked else [Fault("body.pump_type", f"{body.pump_type!r} is not one of {known}")]
     try:
         found = isolability(_plan(body, kind), kind, circuit_parameters(body.circuit))
     except PlanFaultsError as error:
-        faults = [Fault(_place(where), problem) for where, problem in error.faults]
+        faults = wrong + [Fault(_place(where), problem) for where, problem in error.faults]
         raise Invalid(f"the study has {len(faults)} fault(s)", faults) from None
+    if wrong:
+        raise Invalid("the study has 1 fault(s)", wrong)
     return isolability_document(found) | {"pump_type": body.pump_type, "circuit": body.circuit}
 
 

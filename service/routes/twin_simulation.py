@@ -6,9 +6,12 @@ from anyio import CapacityLimiter, to_thread
 from anyio.lowlevel import RunVar
 from fastapi import APIRouter, Response
 from pydantic import BaseModel, ConfigDict, FiniteFloat
+from starlette.concurrency import run_in_threadpool
 
-from service.context import Asker
-from service.simulation.requested import Asked, checked, simulated_json
+from service.context import Asker, Context, ContextOf
+from service.parameter_sets import types
+from service.security import Principal
+from service.simulation.requested import Asked, Checked, checked, simulated_json
 from twin.recording import TIME
 
 router = APIRouter(prefix="/twin", tags=["twin"])
@@ -61,11 +64,16 @@ class SimulationAnswer(BaseModel):
 
 
 @router.post("/simulation", summary="Short run of the transient twin", response_model=SimulationAnswer)
-async def simulation(body: SimulationRequest, _asker: Asker) -> Response:
+async def simulation(body: SimulationRequest, context: ContextOf, asker: Asker) -> Response:
     """Simulate at most ten seconds and 30 000 samples; too long a run is refused with the limit."""
-    asked = checked(_asked(body))
+    asked = await run_in_threadpool(_checked, body, context, asker)
     content = await to_thread.run_sync(simulated_json, asked, limiter=_limiter())
     return Response(content, media_type="application/json")
+
+
+def _checked(body: SimulationRequest, context: Context, asker: Principal) -> Checked:
+    with context.database.reading() as session:
+        return checked(_asked(body), {kind.name: kind for kind in types(session, asker.operator)})
 
 
 def _limiter() -> CapacityLimiter:

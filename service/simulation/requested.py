@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from service.errors import Fault, Invalid
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, Condition, Health
 from twin.parameters import PumpType
-from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
+from twin.pumps import PUMP_TYPES, circuit_parameters
 from twin.pumps.circuits import CIRCUITS
 from twin.recording import TIME
 from twin.simulation.run import simulate, stepping
@@ -52,7 +52,7 @@ class Checked:
     sample_rate_hz: float
 
 
-def checked(asked: Asked) -> Checked:
+def checked(asked: Asked, types: Mapping[str, PumpType] = PUMP_TYPES) -> Checked:
     """Scenario of a request.
 
     Raises
@@ -62,13 +62,13 @@ def checked(asked: Asked) -> Checked:
     """
     faults = [
         Fault(where, f"{value!r} is not one of {', '.join(sorted(known))}")
-        for where, value, known in (("pump_type", asked.pump_type, PUMP_TYPES), ("circuit", asked.circuit, CIRCUITS))
+        for where, value, known in (("pump_type", asked.pump_type, types), ("circuit", asked.circuit, CIRCUITS))
         if value not in known
     ]
     faults += _size_faults(asked)
     changes, wrong = _changes(asked)
     faults += wrong
-    kind = pump_type(asked.pump_type if asked.pump_type in PUMP_TYPES else "h225")
+    kind = types.get(asked.pump_type, PUMP_TYPES["h225"])
     condition = Condition(
         kind.nominal_speed_rpm, DEFAULT_TEMPERATURE_DEGC, reservoir_pressure_bar=kind.nominal_reservoir_pressure_bar
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from service.ingest.metadata import TEXTS_REQUIRED
+from service.parameter_files import named_or_written
 from service.simulation import picture as pictures
 from service.simulation import writer as writers
 from service.simulation.picture import Thinned, drawn
@@ -54,7 +55,6 @@ def asked(
     """
     faults = []
     for name, value, known in (
-        ("pump", pump, PUMP_TYPES),
         ("circuit", circuit, CIRCUITS),
         ("sensors", sensors, SENSORS),
     ):
@@ -64,7 +64,11 @@ def asked(
         faults.append(f"--output {output}: ends neither in {' nor in '.join(writers.SUFFIXES)}")
     if picture is not None and picture.suffix.lower() not in pictures.SUFFIXES:
         faults.append(f"--picture {picture}: ends neither in {' nor in '.join(pictures.SUFFIXES)}")
-    kind = PUMP_TYPES.get(pump, next(iter(PUMP_TYPES.values())))
+    kind = PUMP_TYPES["h225"]
+    try:
+        kind = named_or_written(pump)
+    except ValueError as error:
+        faults.insert(0, f"--pump {error}")
     try:
         file = read_scenario(path.read_text(encoding="utf-8"), int(kind.pump.piston.n))
     except UnicodeDecodeError:

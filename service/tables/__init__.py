@@ -8,6 +8,7 @@ from service.tables.history import Entry, Finding, Installation, MaintenanceEven
 from service.tables.jobs import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
 from service.tables.mappings import StoredMapping
 from service.tables.operators import Deletion, OperatorSettings
+from service.tables.pump_types import StoredPumpType
 from service.tables.records import (
     ANALYSED,
     REFUSED,
@@ -62,6 +63,7 @@ __all__ = [
     "SignedIn",
     "StoredAssessment",
     "StoredMapping",
+    "StoredPumpType",
     "ThresholdPin",
     "ThresholdVersion",
     "User",

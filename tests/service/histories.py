@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from service.alarms.ledger import follow
 from service.monitoring.analysis import empty_verdict, thresholds_of
 from service.tables import ANALYSED, Pump, Record, StoredAssessment
+from twin.pumps import pump_type
 
 START = datetime(2026, 5, 1, 8, tzinfo=UTC)
 STATES = {
@@ -38,7 +39,7 @@ def write_history(session: Session, letters: str, serial: str = "P-1", operator:
     """Make the pump's history read like ``letters``; ``.`` stands for a flight whose record does not count."""
     pump = pump_of(session, serial, operator)
     session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
-    empty = empty_verdict("h225", thresholds_of(session, operator, serial, "h225"))
+    empty = empty_verdict(pump_type("h225"), thresholds_of(session, operator, serial, "h225"))
     for i, letter in enumerate(letters):
         record_id = f"{operator}-{serial}-{i}"
         if session.get(Record, record_id) is None:

@@ -62,6 +62,7 @@ _CURVE = {
         for speed in (4500.0, 4600.0)
     ]
 }
+_TIGHT = {"slipper.h": {"value": 8.2, "unit": "um", "source": "bench run 12"}}
 _MAPPING = {"channels": [{"source": "HYD1_P", "channel": "discharge_pressure_bar", "unit": "psi"}]}
 ENDING = ("DELETE", f"{API}/operators/{{operator}}")
 """Takes away everything that the other entries name."""
@@ -120,7 +121,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ),
     ("GET", f"{API}/pump-types"): Entry("viewer", f"{API}/pump-types"),
     ("POST", f"{API}/pump-types"): Entry(
-        "engineer", f"{API}/pump-types", body={"id": "rebuilt", "base": "h225"}, refused=True
+        "engineer", f"{API}/pump-types", body={"id": "rebuilt", "base": "h225", "changes": _TIGHT}
     ),
     ("GET", f"{API}/pump-types/{{name}}"): Entry("viewer", f"{API}/pump-types/h225"),
     ("GET", f"{API}/pump-types/{{name}}/reference-curve"): Entry("viewer", f"{API}/pump-types/h225/reference-curve"),
@@ -217,6 +218,9 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", f"{API}/twin/simulation"): Entry("viewer", f"{API}/twin/simulation", body=_RUN),
     ("GET", "/"): Entry(PAGE, "/"),
     ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
+    # forms: they ask for a session and its token, which tests/service/test_page_forms.py has
+    ("POST", "/alarms/{alarm_id}/{action}"): Entry(OPEN, "/alarms/{alarm}/acknowledge"),
+    ("POST", "/pumps/{serial}/findings"): Entry(OPEN, "/pumps/{pump}/findings"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-out"): Entry(OPEN, "/sign-out"),

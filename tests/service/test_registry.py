@@ -158,14 +158,6 @@ class TestPumpTypes:
         assert "Mkadara" in kind["limits"]["case_flow_lpm"]["source"]
         assert client.get(f"{API}/pump-types/h160").status_code == 404
 
-    def test_a_new_set_is_refused_with_what_to_do_instead(self, client: TestClient) -> None:
-        refused = client.post(
-            f"{API}/pump-types", json={"id": "mine", "base": "h225", "limits": {"case_flow_lpm": 1.2}}
-        )
-        assert refused.status_code == 422
-        assert "thresholds" in refused.text
-        assert client.post(f"{API}/pump-types", json={"id": "h225", "base": "h225"}).status_code == 409
-
     def test_measured_points_come_back(self, client: TestClient) -> None:
         assert client.get(self.URL).json()["source"] == "twin"
         points = [self.POINT, {**self.POINT, "discharge_pressure_bar": 170.0, "case_minus_reservoir_bar": 0.5}]

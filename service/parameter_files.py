@@ -1,0 +1,52 @@
+"""Parameter sets in files: read where a command takes a pump type, written by an identification."""
+
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from twin.parameters import PumpType
+from twin.pumps import PUMP_TYPES
+from twin.pumps.written import ParameterFaultsError, pump_type_from
+
+
+def named_or_written(text: str) -> PumpType:
+    """Pump type of a built-in name, or of a TOML or JSON file.
+
+    Raises
+    ------
+    ValueError
+        with every fault; several stand on lines of their own.
+    """
+    if text in PUMP_TYPES:
+        return PUMP_TYPES[text]
+    path = Path(text)
+    if path.suffix.lower() not in (".toml", ".json"):
+        raise ValueError(f"{text}: is not known (known: {', '.join(PUMP_TYPES)}, or a .toml or .json file)")
+    try:
+        content = path.read_text(encoding="utf-8")
+        document = tomllib.loads(content) if path.suffix.lower() == ".toml" else json.loads(content)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} cannot be read: {error}") from None
+    if not isinstance(document, Mapping):
+        raise ValueError(f"{path} holds no parameter set")
+    try:
+        return pump_type_from(document)
+    except ParameterFaultsError as error:
+        faults = "".join(f"\n  {where}: {words}" for where, words in error.faults)
+        raise ValueError(f"{path} has {len(error.faults)} fault(s){faults}") from None
+
+
+def derived_toml(document: Mapping[str, Any], remarks: tuple[str, ...] = ()) -> str:
+    """A derived parameter set as TOML, remarks first as comments."""
+    lines = [f"# {remark}" for remark in remarks]
+    lines += [f"{name} = {_value(document[name])}" for name in ("id", "base", "title")]
+    for path, quantity in document["changes"].items():
+        lines += ["", f'[changes."{path}"]', *(f"{name} = {_value(value)}" for name, value in quantity.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _value(value: Any) -> str:
+    # JSON's strings and numbers of printable text are TOML's
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,71 @@
+"""``casedrain identify``: from a bench's CSV to a parameter set that other commands and the API take."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from service.cli import app
+from service.parameter_files import named_or_written
+from tests.twin.test_identification import BENCH, DEVIATIONS, FACTORS, measured
+from twin.pumps.written import pump_type_from
+
+RUN = CliRunner()
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Path:
+    names = list(DEVIATIONS)
+    header = ["speed_rpm", "fluid_temperature_degc", "reservoir_pressure_bar", "discharge_flow_lpm"]
+    lines = ["# bench 3", ",".join([*header, *(c for n in names for c in (n, f"{n}_sd"))])]
+    for c, point in zip(BENCH, measured(BENCH, 5), strict=True):
+        condition = (c.speed_rpm, c.fluid_temperature_degc, c.reservoir_pressure_bar, c.discharge_flow_lpm)
+        lines.append(",".join(f"{v:.9g}" for v in (*condition, *(v for n in names for v in point.measured[n]))))
+    path = tmp_path / "bench.csv"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_a_bench_run_becomes_a_pump_type(bench: Path, tmp_path: Path) -> None:
+    written, numbers = tmp_path / "mine.toml", tmp_path / "mine.json"
+    ran = RUN.invoke(app, ["identify", str(bench), "--id", "mine", "--output", str(written), "--json", str(numbers)])
+    assert ran.exit_code == 0, ran.output
+    assert "piston.b is not determined" in ran.output
+    kind = pump_type_from(tomllib.loads(written.read_text()))
+    assert kind.name == "mine"
+    assert kind == named_or_written(str(written))
+    gap = kind.quantities["slipper.h"]
+    assert gap.value == pytest.approx(FACTORS["slipper.h"] * 8.74348, rel=0.02)
+    assert gap.source.startswith("identified from bench.csv on ")
+    assert kind.quantities["piston.b"].value == 5.6
+    document = json.loads(numbers.read_text())
+    assert len(document["residuals"]) == len(BENCH) * len(DEVIATIONS)
+    assert len(document["covariance"]) == len(document["estimates"])
+    scenario = tmp_path / "short.toml"
+    scenario.write_text("duration_s = 0.01\n[condition]\nspeed_rpm = 4600\nfluid_temperature_degc = 50\n")
+    record = tmp_path / "record.csv"
+    ran = RUN.invoke(app, ["simulate", str(scenario), "--output", str(record), "--pump", str(written)])
+    assert ran.exit_code == 0, ran.output
+    assert "# pump_type: mine" in record.read_text()
+
+
+def test_every_fault_of_the_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(
+        "speed_rpm,case_flow_lpm,case_flow_lpm_sd,shaft_torque_nm,mood\n"
+        "4600,one,0.01,2.4,good\n4600,1.2,,2.4,1\n4600,1.2\n"
+    )
+    ran = RUN.invoke(app, ["identify", str(path), "--id", "x", "--output", str(tmp_path / "x.toml")])
+    assert ran.exit_code == 2
+    for words in (
+        "column 'mood' is not known",
+        "column 'fluid_temperature_degc' is missing",
+        "column shaft_torque_nm_sd is missing",
+        "line 2: case_flow_lpm is 'one'",
+        "line 3: case_flow_lpm_sd is missing",
+        "line 4: has 2 cells",
+    ):
+        assert words in ran.output
+    assert not (tmp_path / "x.toml").exists()

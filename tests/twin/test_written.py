@@ -1,0 +1,75 @@
+"""Parameter sets as documents: round trip, derivation, every fault at once."""
+
+import json
+import tomllib
+
+import pytest
+
+from twin.condition import Condition
+from twin.operating_point import operating_point
+from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
+from twin.pumps.written import ParameterFaultsError, document_of, pump_type_from
+from twin.version import twin_version
+
+TOML = """
+id = "h225-tight"
+base = "h225"
+[changes.slipper.h]
+value = 0.008
+unit = "mm"
+source = "measured on three pumps"
+[changes."limits.case_flow_lpm"]
+value = 1.4
+unit = "L/min"
+source = "operator's own limit"
+"""
+
+
+@pytest.mark.parametrize("name", PUMP_TYPES)
+def test_a_set_written_and_read_again_is_the_same(name: str) -> None:
+    kind = pump_type(name)
+    assert pump_type_from(json.loads(json.dumps(document_of(kind)))) == kind
+    assert twin_version(pump_type_from(document_of(kind))) == twin_version(kind)
+
+
+def test_a_derived_set_changes_what_it_says_in_any_unit_of_the_kind_and_nothing_else() -> None:
+    base, kind = pump_type("h225"), pump_type_from(tomllib.loads(TOML))
+    assert kind.pump.slipper.h == pytest.approx(8.0e-6)
+    assert kind.pump == base.pump._replace(slipper=base.pump.slipper._replace(h=kind.pump.slipper.h))
+    assert kind.limits["case_flow_lpm"].value == 1.4
+    assert twin_version(kind) != twin_version(base)
+    condition, circuit = Condition(4600.0, 50.0), circuit_parameters("shared_return")
+    flows = [operating_point(k.pump, condition, circuit).value("slipper_leakage_lpm")[0] for k in (kind, base)]
+    # laminar gap flow grows with the cube of the gap; the throttle in series takes its part
+    assert (8.0 / 8.74348) ** 3 < flows[0] / flows[1] < 0.9
+
+
+def test_every_fault_is_named_with_its_unit() -> None:
+    changes = {
+        "slipper.h": {"value": 8.0, "unit": "bar", "source": ""},
+        "slipper.hh": {"value": 8.0, "unit": "um", "source": "x"},
+        "limits.case_flow_lpm": {"value": "1.4", "unit": "L/min", "source": "x"},
+        "piston.b": {"value": 5.0, "unit": "um", "source": "x", "uncertainty": -1, "note": 1},
+    }
+    with pytest.raises(ParameterFaultsError) as found:
+        pump_type_from({"id": "x", "base": "h125", "changes": changes, "more": 1})
+    assert [where for where, _ in found.value.faults] == [
+        "more", "base", "changes.slipper.h.unit", "changes.slipper.h.source", "changes.slipper.hh",
+        "changes.limits.case_flow_lpm.value", "changes.piston.b.note", "changes.piston.b.uncertainty",
+    ]  # fmt: skip
+    assert "m or mm or um" in dict(found.value.faults)["changes.slipper.h.unit"]
+
+
+def test_impossible_geometry_and_a_missing_number_are_faults() -> None:
+    gap = {"value": -1.0, "unit": "um", "source": "x"}
+    short = {"value": 2.0, "unit": "mm", "source": "x"}
+    with pytest.raises(ParameterFaultsError) as found:
+        pump_type_from({"id": "x", "base": "h225", "changes": {"slipper.h": gap, "piston.l_mean": short}})
+    assert {where for where, _ in found.value.faults} == {"slipper.h", "piston.l_mean"}
+    assert "um" in str(found.value)
+    document = document_of(pump_type("h225"))
+    del document["quantities"]["piston.n"]
+    document["nominal_speed_rpm"] = 0
+    with pytest.raises(ParameterFaultsError) as found:
+        pump_type_from(document)
+    assert {where for where, _ in found.value.faults} == {"quantities.piston.n", "nominal_speed_rpm"}
