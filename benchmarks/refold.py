@@ -95,7 +95,7 @@ def measured(n: int) -> dict[str, Any]:
                 Pump(operator="default", serial="P-1", pump_type="h225", confirmed=True, created_at=datetime.now(UTC))
             )
             session.flush()
-            key = analysis_key("h225", Setting(), thresholds_of(session, "default", "P-1", "h225"))
+            key = analysis_key(pump_type("h225"), Setting(), thresholds_of(session, "default", "P-1", "h225"))
         first, last = observations[:-REPEATS], observations[-REPEATS:]
         _add(context, first, key)
         _refolded(context, from_scratch=True)

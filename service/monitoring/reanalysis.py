@@ -157,7 +157,14 @@ def reprocessed(
         refold(session, pump, archive, cause, from_scratch=wanted is not None)
         after, thresholds = points_of(session, pump_id), _thresholds(session, pump)
         alarms = gained_and_lost(lives(before, (), old_rules), lives(after, (), rules_of(thresholds.values)))
-        return _change(pump, before, after, alarms, twin_version(held_type(session, pump.operator, pump.pump_type)), thresholds.version)
+        return _change(
+            pump,
+            before,
+            after,
+            alarms,
+            twin_version(held_type(session, pump.operator, pump.pump_type)),
+            thresholds.version,
+        )
 
 
 def rehearsed(

@@ -219,13 +219,13 @@ def test_small_steps_give_away_what_was_asked(steps: Outcome) -> None:
         assert size[n - 1] > 0.0  # a leak does not heal
         # 0.2 nat a record until log 10,000 = 9.21 is reached: in 47 records
         assert np.cumsum(information[onset:n])[46] == pytest.approx(math.log(1.0e4))
-        # what wanders takes the step for its own: the first record says most
-        assert information[onset] > information[n - 1]
+        # what wanders takes the step for its own: the first ten records say more than the last ten
+        assert information[onset : onset + 10].mean() > information[n - 10 : n].mean()
 
 
 def test_the_chart_keeps_the_wanted_rate_by_its_bound() -> None:
-    # sum over onsets of the likelihood ratios times the hazard, 12 kinds of fault, two shapes, one in 1000 in 4 records
-    assert chart_threshold(1.0e4) == pytest.approx(math.log(1.0e4 * 0.006))
+    # sum over onsets of the likelihood ratios times the hazard that any kind of fault sets in
+    assert chart_threshold(1.0e4) == pytest.approx(math.log(1.0e4 * hazard_per_record()))
 
 
 def test_the_informed_detector_reaches_the_bound_where_information_lasts() -> None:

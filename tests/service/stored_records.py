@@ -13,6 +13,7 @@ from service.monitoring.refold import Cause, refold
 from service.monitoring.setting import Setting
 from service.tables import ANALYSED, Pump, Record
 from tests.service.histories import pump_of
+from twin.pumps import pump_type
 
 STORED = Cause("record_received")
 
@@ -21,7 +22,7 @@ def store(context: Context, observations: Sequence[Observation], serial: str, op
     """Store records and fold their pump, as one upload would."""
     with context.database.writing() as session:
         pump = pump_of(session, serial, operator)
-        key = analysis_key("h225", Setting(), thresholds_of(session, operator, serial, "h225"))
+        key = analysis_key(pump_type("h225"), Setting(), thresholds_of(session, operator, serial, "h225"))
         session.add_all(_row(pump, o, key) for o in observations)
         session.flush()
         refold(session, pump, context.archive, STORED)
