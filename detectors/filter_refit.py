@@ -96,11 +96,11 @@ def fit_anew(
             # the healthy pump also from where the likeliest fault stands and, young, from its history backwards
             if (attempt == 1 and likeliest == f) or (attempt == 2 and not young):
                 continue
-            # and a fault, young, from where the healthy pump came to
-            if attempt == 1 or (k >= 0 and young):
+            # and what set in since, young, from where the healthy pump came to; who came worn never was that pump
+            if attempt == 1 or (k >= 0 and young and form != ARRIVAL):
                 start[:] = other
                 start[AMPLITUDE], start[RATE] = own[AMPLITUDE], own[RATE]
-            for passed in range(most_passes if k < 0 else _PASSES_OF_FAULTS):
+            for passed in range(most_passes if k < 0 or form == ARRIVAL else _PASSES_OF_FAULTS):
                 found = prior + _through(
                     mean[f : f + 1],
                     covariance[f : f + 1],
