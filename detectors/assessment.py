@@ -15,6 +15,7 @@ from detectors.isolation import Alarm, Decision, Evidence, decided, evidence, se
 from detectors.measurement import Measured, measured_windows
 from detectors.observation import History, Maintenance, Observation, Residual
 from detectors.state_model import FAULT_KINDS
+from detectors.type_correction import HealthyCurve
 from detectors.verdict import SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
 from twin.parameters import Circuit, PumpType
 
@@ -30,7 +31,11 @@ MAINTENANCE_RESETS: Mapping[str, tuple[str, ...]] = {
 
 
 def assess(
-    history: History, pump: PumpType, circuit: Circuit, thresholds: Mapping[str, float]
+    history: History,
+    pump: PumpType,
+    circuit: Circuit,
+    thresholds: Mapping[str, float],
+    healthy: HealthyCurve | None = None,
 ) -> tuple[Assessment, ...]:
     """Assess a pump's history.
 
@@ -42,6 +47,8 @@ def assess(
         What the twin is told; see ``twin.pumps``.
     thresholds
         Effective thresholds (``detectors.thresholds.effective``).
+    healthy
+        Healthy curve of the pump type measured on a bench: it stands in for the nominal twin where it reaches.
 
     Returns
     -------
@@ -52,7 +59,7 @@ def assess(
     observations = sorted(history.observations, key=lambda o: (o.at, o.record_id))
     counted = _counted(observations)
     bursts = _bursts(observations, counted)
-    measured = measured_windows([o for o in observations if o.record_id in counted], bursts, pump, circuit)
+    measured = measured_windows([o for o in observations if o.record_id in counted], bursts, pump, circuit, healthy)
     supplements = {burst: m for found in measured.values() for burst, m in found.supplements.items()}
     fold = _Fold(pump, circuit, thresholds)
     assessments = []
@@ -119,6 +126,7 @@ class _Fold:
     rejected: int = 0
     without_zero: int = 0
     without_reservoir: int = 0
+    outside_curve: dict[str, int] = field(default_factory=dict)
     supplemented: bool = False
 
     def __post_init__(self) -> None:
@@ -145,6 +153,9 @@ class _Fold:
             self.bank.spawn()
         self.without_zero += not observation.reduction.zero.measured
         self.without_reservoir += not found.measurements[-1].reservoir_measured
+        if found.outside_curve:
+            why = ", ".join(found.outside_curve)
+            self.outside_curve[why] = self.outside_curve.get(why, 0) + 1
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last."""
@@ -187,6 +198,10 @@ class _Fold:
                 f"reservoir pressure not measured in {self.without_reservoir} of {used} records: "
                 "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
             )
+        flags += [
+            f"{n} of {used} records outside the measured healthy curve ({why}): judged against the twin"
+            for why, n in sorted(self.outside_curve.items())
+        ]
         return Quality(used, self.rejected, reservoir, tuple(flags))
 
 

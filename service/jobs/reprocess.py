@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from service.errors import NotFound, Unavailable
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
-from service.monitoring.reanalysis import pumps_of, reprocessed, thresholds_changed
+from service.monitoring.reanalysis import Change, cause_of, pumps_of, reprocessed
 from service.monitoring.refold import REPROCESSED, Cause
 from service.tables import Pump
 from service.threshold_layers import Scope
@@ -71,17 +71,18 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
 
 
 class RefoldParameters(Parameters):
-    """A layer of thresholds that has changed."""
+    """What has changed, and the pumps that it holds for."""
 
     scope: str
     id: str
     operator: str | None = None
     version: int
+    change: Change = "thresholds_changed"
 
 
 @register
 class Refold(Kind[RefoldParameters, list[int]]):
-    """Fold anew what a change of thresholds touches, one item per pump."""
+    """Fold anew what a change of thresholds or of a measured healthy curve touches, one item per pump."""
 
     name = "refold"
     over_api = False
@@ -97,7 +98,8 @@ class Refold(Kind[RefoldParameters, list[int]]):
         return len(pump_ids)
 
     def item(self, work: Work[RefoldParameters], pump_ids: list[int], position: int) -> Item:
-        return _refolded(work, pump_ids[position], thresholds_changed(_scope(work.parameters)))
+        cause = cause_of(work.parameters.change, _scope(work.parameters))
+        return _refolded(work, pump_ids[position], cause)
 
 
 def _refolded(work: Work[Any], pump_id: int, cause: Cause, *, reduce_anew: bool = False, dry_run: bool = False) -> Item:

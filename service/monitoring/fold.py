@@ -6,6 +6,7 @@ from datetime import datetime
 
 from detectors.assessment import assess
 from detectors.observation import History, Maintenance, Observation
+from detectors.type_correction import HealthyCurve
 from detectors.verdict import Assessment, Verdict
 from service.monitoring.setting import Setting
 from twin.parameters import PumpType
@@ -22,13 +23,17 @@ class PlacedObservation:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Everything that a pump's verdicts are a function of, apart from the twin's version."""
+    """Everything that a pump's verdicts are a function of, apart from the twin's version.
+
+    ``healthy`` is the pump type's measured curve that stands in for the twin's, None where nobody has measured one.
+    """
 
     kind: PumpType
     thresholds: Mapping[str, float]
     placed: tuple[PlacedObservation, ...]
     maintenance: tuple[Maintenance, ...] = ()
     installation_changes: tuple[datetime, ...] = ()
+    healthy: HealthyCurve | None = None
 
 
 def fold(known: Known) -> tuple[Assessment, ...]:
@@ -51,7 +56,7 @@ def fold(known: Known) -> tuple[Assessment, ...]:
         setting = placed[start].setting
         history = History(tuple(p.observation for p in placed[:end]), known.maintenance, known.installation_changes)
         kind = setting.pump_type(known.kind)
-        assessments += assess(history, kind, setting.circuit_parameters, known.thresholds)[start:]
+        assessments += assess(history, kind, setting.circuit_parameters, known.thresholds, known.healthy)[start:]
     return _with_flags(_with_since(assessments), placed)
 
 

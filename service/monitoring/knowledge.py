@@ -15,6 +15,7 @@ from service.monitoring.archive import Archive
 from service.monitoring.fold import Known, PlacedObservation
 from service.monitoring.placement import Interval, Place, changes, place_at
 from service.monitoring.setting import Setting, setting_at
+from service.registry.reference_curves import healthy_curve
 from service.tables import (
     ANALYSED,
     SUPERSEDED,
@@ -28,6 +29,7 @@ from service.tables import (
 )
 from service.threshold_layers import Candidate, Effective
 from twin.pumps import pump_type
+from twin.version import twin_version
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 
@@ -45,6 +47,12 @@ class Knowledge:
     thresholds: Effective
     places: Mapping[str, Place]
     anew: Mapping[str, RecordAnalysis]
+
+    @property
+    def twin_version(self) -> str:
+        """Version of the twin, with that of the measured curve which stands in for it."""
+        version = twin_version(self.known.kind)
+        return version if self.known.healthy is None else f"{version}+{self.known.healthy.version}"
 
 
 def knowledge(
@@ -94,7 +102,8 @@ def knowledge(
         placed.append(PlacedObservation(observation_of(row, place, reduction), setting, flags))
         places[row.id] = place
     maintenance = tuple(Maintenance(e.at, e.action) for e in entries(session, MaintenanceEvent, pump.id, known_at))
-    known = Known(pump_type(kind), thresholds.values, tuple(placed), maintenance, changes(intervals))
+    healthy = healthy_curve(session, pump.operator, kind, known_at)
+    known = Known(pump_type(kind), thresholds.values, tuple(placed), maintenance, changes(intervals), healthy)
     return Knowledge(known, kind, thresholds, places, anew)
 
 

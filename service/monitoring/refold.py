@@ -15,8 +15,6 @@ from service.monitoring.codec import trend_to_json, verdict_to_json
 from service.monitoring.fold import fold
 from service.monitoring.knowledge import knowledge
 from service.tables import Pump, Record, StoredAssessment, VerdictRevision
-from twin.pumps import pump_type
-from twin.version import twin_version
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +45,6 @@ def refold(session: Session, pump: Pump, archive: Archive, cause: Cause = REPROC
             analysis = found.anew[row.id]
             row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
     pump.pump_type = found.kind
-    version = twin_version(pump_type(found.kind))
     before = _states(session, pump)
     assessments = fold(found.known)
     session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
@@ -60,7 +57,7 @@ def refold(session: Session, pump: Pump, archive: Archive, cause: Cause = REPROC
             position=found.places[a.record_id].position,
             state=a.verdict.state.value,
             trend=trend_to_json(a.trend),
-            verdict=verdict_to_json(a.verdict, version, found.thresholds.version),
+            verdict=verdict_to_json(a.verdict, found.twin_version, found.thresholds.version),
         )
         for a in assessments
     )
@@ -83,8 +80,7 @@ def verdict_known_at(
     assessments = [a for a in fold(found.known) if at is None or a.at <= at]
     if not assessments:
         return empty_verdict(found.kind, found.thresholds)
-    version = twin_version(pump_type(found.kind))
-    return verdict_to_json(assessments[-1].verdict, version, found.thresholds.version)
+    return verdict_to_json(assessments[-1].verdict, found.twin_version, found.thresholds.version)
 
 
 _States = Mapping[str, tuple[datetime, str]]

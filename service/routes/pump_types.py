@@ -2,14 +2,16 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, BackgroundTasks, Query, Response
 from pydantic import ConfigDict, Field
 
 from service import audit
 from service.context import Asker, ContextOf
 from service.errors import Conflict, Fault, Forbidden, Invalid, NotFound
+from service.jobs.refolding import refold_after
 from service.registry import reference_curves
 from service.registry.fields import Body, Name
+from service.threshold_layers import Scope
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
 from twin.version import twin_version
@@ -80,11 +82,15 @@ def curve(name: str, context: ContextOf, asker: Asker, operator: Operator = None
 def put_curve(
     name: str,
     body: reference_curves.NewReferenceCurve,
+    background: BackgroundTasks,
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
 ) -> dict[str, Any]:
-    """Replace the measured points of one operator; a key of no operator sets them for all unless it names one."""
+    """Replace the measured points of one operator; a key of no operator sets them for all unless it names one.
+
+    The pumps of the type are judged against them from then on, their whole history included.
+    """
     asker.require("engineer")
     _known(name)
     with context.database.writing() as session:
@@ -92,7 +98,9 @@ def put_curve(
         row = reference_curves.put(session, wanted, name, body, asker.owner)
         details = {"points": len(body.points)}
         audit.note(session, asker, "reference_curve.put", f"pump-type/{name}", wanted, details)
-        return reference_curves.document(name, row)
+        answer, version = reference_curves.document(name, row), row.id
+    refold_after("reference_curve_changed", version, context, asker, background, Scope("pump-type", name, wanted))
+    return answer
 
 
 def _known(name: str) -> PumpType:
