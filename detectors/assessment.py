@@ -16,6 +16,7 @@ from detectors.isolation import Alarm, Decision, Evidence, decided, evidence, se
 from detectors.measurement import Measured, measured_windows
 from detectors.observation import History, Maintenance, Observation, Residual
 from detectors.state_model import FAULT_KINDS
+from detectors.type_correction import HealthyCurve
 from detectors.verdict import SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
 from twin.parameters import Circuit, PumpType
 
@@ -31,7 +32,11 @@ MAINTENANCE_RESETS: Mapping[str, tuple[str, ...]] = {
 
 
 def assess(
-    history: History, pump: PumpType, circuit: Circuit, thresholds: Mapping[str, float]
+    history: History,
+    pump: PumpType,
+    circuit: Circuit,
+    thresholds: Mapping[str, float],
+    healthy: HealthyCurve | None = None,
 ) -> tuple[Assessment, ...]:
     """Assess a pump's history.
 
@@ -43,6 +48,8 @@ def assess(
         What the twin is told; see ``twin.pumps``.
     thresholds
         Effective thresholds (``detectors.thresholds.effective``).
+    healthy
+        Healthy curve of the pump type measured on a bench: it stands in for the nominal twin where it reaches.
 
     Returns
     -------
@@ -52,7 +59,7 @@ def assess(
     """
     observations = sorted(history.observations, key=lambda o: (o.at, o.record_id))
     roles = roles_of([outline_of(o) for o in observations])
-    return tuple(Fold(pump, circuit, thresholds).continued(observations, roles, history))
+    return tuple(Fold(pump, circuit, thresholds, healthy).continued(observations, roles, history))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +81,7 @@ class Fold:
     pump: PumpType
     circuit: Circuit
     thresholds: Mapping[str, float]
+    healthy: HealthyCurve | None = None
     bank: Bank = field(init=False)
     reference: Array = field(init=False)
     alarm: Alarm = field(default_factory=Alarm)
@@ -83,6 +91,7 @@ class Fold:
     rejected: int = 0
     without_zero: int = 0
     without_reservoir: int = 0
+    outside_curve: dict[str, int] = field(default_factory=dict)
     supplemented: bool = False
     latest: Latest | None = None
 
@@ -112,7 +121,7 @@ class Fold:
             if observation.record_id in roles.adds_to:
                 bursts.setdefault(roles.adds_to[observation.record_id], []).append(observation)
         judged = [*earlier, *(o for o in observations if o.record_id in roles.counted)]
-        measured = measured_windows(judged, bursts, self.pump, self.circuit)
+        measured = measured_windows(judged, bursts, self.pump, self.circuit, self.healthy)
         supplements = {burst: m for found in measured.values() for burst, m in found.supplements.items()}
         for observation in observations:
             if self.latest is not None:
@@ -152,6 +161,9 @@ class Fold:
             self.bank.spawn()
         self.without_zero += not observation.reduction.zero.measured
         self.without_reservoir += not found.measurements[-1].reservoir_measured
+        if found.outside_curve:
+            why = ", ".join(found.outside_curve)
+            self.outside_curve[why] = self.outside_curve.get(why, 0) + 1
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last."""
@@ -194,6 +206,10 @@ class Fold:
                 f"reservoir pressure not measured in {self.without_reservoir} of {used} records: "
                 "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
             )
+        flags += [
+            f"{n} of {used} records outside the measured healthy curve ({why}): judged against the twin"
+            for why, n in sorted(self.outside_curve.items())
+        ]
         return Quality(used, self.rejected, reservoir, tuple(flags))
 
 

@@ -23,6 +23,7 @@ from detectors.residuals import (
 )
 from detectors.ripple import CASE_RIPPLE_SD, LINE_SD_BAR, RIPPLE_SD, ripples, surfaces_of
 from detectors.signature import Spectrum
+from detectors.type_correction import Correction, HealthyCurve, corrections
 from twin.condition import Condition
 from twin.parameters import Circuit, PumpType
 
@@ -40,11 +41,14 @@ _FAINT = 3.0
 class Measured:
     """What one record adds: a measurement per window, the residuals of the window that the flight is judged
     by, and what each later burst of the flight adds, by its record.
+
+    ``outside_curve`` names what takes a window outside the range of the type's measured healthy curve.
     """
 
     measurements: tuple[Measurement, ...]
     residuals: dict[str, Residual]
     supplements: Mapping[str, Measurement]
+    outside_curve: tuple[str, ...] = ()
 
 
 def measured_windows(
@@ -52,26 +56,30 @@ def measured_windows(
     bursts: Mapping[str, Sequence[Observation]],
     pump: PumpType,
     circuit: Circuit,
+    healthy: HealthyCurve | None = None,
 ) -> dict[str, Measured]:
     """Measurements of every record with an accepted zero-flow window that the twin can follow, by record.
 
     ``bursts`` are the other records of the same flight that hold a spectrum, by the record that they belong to.
+    ``healthy`` is the pump type's measured curve: where it reaches, it stands in for the nominal twin.
     """
     windows = [(o, w) for o in observations for w in _judged(o)]
     if not windows:
         return {}
     conditions = [matching_condition(w, pump) for _, w in windows]
     rows, solved = anchors(conditions, pump, circuit)
+    shifts = corrections(healthy, conditions, pump, circuit)
     found: dict[str, Measured] = {}
-    for (observation, window), anchor, good in zip(windows, rows, solved, strict=True):
+    for (observation, window), anchor, good, shift in zip(windows, rows, solved, shifts, strict=True):
         if not good:
             continue
         zero = observation.reduction.zero
         earlier = found.get(observation.record_id)
         taken = earlier.measurements if earlier else ()
         # the zero is one measurement of the record, however many windows it has
-        measurement = _measurement(window, zero, anchor, pump, with_zero=not taken)
-        found[observation.record_id] = Measured((*taken, measurement), _residuals(window, zero, anchor, pump), {})
+        measurement = _corrected(_measurement(window, zero, anchor, pump, with_zero=not taken), shift)
+        residuals = _residuals(window, zero, anchor, pump, shift)
+        found[observation.record_id] = Measured((*taken, measurement), residuals, {}, shift.outside)
     return _with_lines(found, observations, bursts, conditions, windows, pump, circuit)
 
 
@@ -111,7 +119,7 @@ def _with_lines(
                 fresh = supplement.regulation.copy()
                 fresh[Feature.SCATTER] = np.nan
                 supplements[burst.record_id] = replace(supplement, seen=only, regulation=fresh)
-        found[observation.record_id] = Measured((*rest, whole), measured.residuals, supplements)
+        found[observation.record_id] = replace(measured, measurements=(*rest, whole), supplements=supplements)
     return found
 
 
@@ -171,13 +179,30 @@ def _measurement(window: Window, zero: Zero, anchor: Array, pump: PumpType, *, w
     return Measurement(values, noise, np.array(seen), anchor, NO_RIPPLE, reservoir_measured, regulation)
 
 
-def _residuals(window: Window, zero: Zero, anchor: Array, pump: PumpType) -> dict[str, Residual]:
+def _corrected(measurement: Measurement, shift: Correction) -> Measurement:
+    """The measurement as a pump of the nominal twin would have shown it."""
+    if shift.standard_deviation_bar == 0.0:
+        return measurement
+    values, noise = measurement.values.copy(), measurement.noise.copy()
+    values[CASE] -= shift.case_bar
+    noise[CASE, CASE] += shift.standard_deviation_bar**2
+    return replace(measurement, values=values, noise=noise)
+
+
+def _residuals(window: Window, zero: Zero, anchor: Array, pump: PumpType, shift: Correction) -> dict[str, Residual]:
     discharge, case = nominal_pressures(anchor)
+    case += shift.case_bar
     reservoir = reservoir_noise_sd(window, pump)
     by_temperature = TEMPERATURE_SD_K * anchor[[COLUMN["discharge_by_temperature"], COLUMN["case_by_temperature"]]]
     measured_case = window.means["case_pressure_bar"].mean - zero.offset_bar
     measured = window.means["discharge_pressure_bar"].mean
-    noise_case = math.hypot(case_noise_sd(window, pump), zero.standard_deviation_bar, by_temperature[1], reservoir)
+    noise_case = math.hypot(
+        case_noise_sd(window, pump),
+        zero.standard_deviation_bar,
+        by_temperature[1],
+        reservoir,
+        shift.standard_deviation_bar,
+    )
     noise = math.hypot(discharge_noise_sd(window, pump), by_temperature[0], reservoir)
     return {
         "case_pressure_bar": Residual(measured_case, case, measured_case - case, noise_case),

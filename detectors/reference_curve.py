@@ -176,7 +176,8 @@ class ReferenceCurve:
                     f"{r.name} is {value:.4g} {r.unit}; the nearest measured point is {nearest:.3g} {r.unit} away, "
                     f"at most {r.gap:g} {r.unit} are allowed"
                 )
-        if reasons or self._leverage(x) <= max(MOST_LEVERAGE * self.largest_leverage, self._margin_leverage()):
+        leverage = self._leverage(x)
+        if reasons or leverage <= MOST_LEVERAGE * self.largest_leverage or leverage <= self._margin_leverage():
             return tuple(reasons)
         # the regressor whose return to the centre relieves the leverage most
         relieved = []

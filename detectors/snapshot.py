@@ -21,6 +21,7 @@ from detectors.assessment import Fold
 from detectors.filter_bank import _FITTED_ANEW_AT, Bank, Measurement
 from detectors.packing import AnyArray
 from detectors.regulation import Regulation
+from detectors.type_correction import HealthyCurve
 from twin.compiled import cache_folder
 from twin.parameters import Circuit, PumpType
 
@@ -29,7 +30,7 @@ _DIGEST = 32
 _QUICK = 1
 """Compression level: most of the bytes are mantissas, which no level makes much smaller."""
 _OF_REGULATION = "regulation."
-_GIVEN_AGAIN = ("pump", "circuit", "thresholds", "reference", "bank")
+_GIVEN_AGAIN = ("pump", "circuit", "thresholds", "healthy", "reference", "bank")
 """Fields of the fold that are given again or follow from what is; the bank is packed apart."""
 
 
@@ -52,8 +53,14 @@ def snapshot(fold: Fold) -> bytes:
     return _MAGIC + hashlib.sha256(body).digest() + body
 
 
-def fold_from(content: bytes, pump: PumpType, circuit: Circuit, thresholds: Mapping[str, float]) -> Fold:
-    """The fold that a snapshot was taken of; the same pump type, circuit and thresholds must be given again.
+def fold_from(
+    content: bytes,
+    pump: PumpType,
+    circuit: Circuit,
+    thresholds: Mapping[str, float],
+    healthy: HealthyCurve | None = None,
+) -> Fold:
+    """The fold that a snapshot was taken of; the same pump type, circuit, thresholds and curve must be given again.
 
     Raises
     ------
@@ -68,7 +75,7 @@ def fold_from(content: bytes, pump: PumpType, circuit: Circuit, thresholds: Mapp
     regulation = {_OF_REGULATION + name: name for name in _regulation_fields()}
     if {*numbers, *arrays} != {*_bank_fields(), *regulation}:
         raise ValueError("this snapshot is of a bank with other fields")
-    fold = Fold(pump, circuit, thresholds)
+    fold = Fold(pump, circuit, thresholds, healthy)
     for name, value in zip(_carried_fields(), carried, strict=True):
         setattr(fold, name, value)
     for name, number in numbers.items():

@@ -13,13 +13,14 @@ DEFAULT_ITEMS = 100
 Row = TypeVar("Row")
 
 
-def _signature(query: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(query, sort_keys=True, default=str).encode()).hexdigest()[:12]
+def _signature(query: Mapping[str, Any], place: Any) -> str:
+    """Tells a cursor of another query, and one that was cut or changed on the way."""
+    return hashlib.sha256(json.dumps([query, place], sort_keys=True, default=str).encode()).hexdigest()[:12]
 
 
 def cursor_after(query: Mapping[str, Any], place: Any) -> str:
     """Opaque cursor of the last row shown."""
-    document = json.dumps([_signature(query), place], default=str).encode()
+    document = json.dumps([_signature(query, place), place], default=str).encode()
     return base64.urlsafe_b64encode(document).decode().rstrip("=")
 
 
@@ -37,9 +38,9 @@ def place_of(query: Mapping[str, Any], cursor: str | None) -> Any:
         signature, place = json.loads(base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)))
     except (ValueError, TypeError):
         raise Invalid("the cursor is not one of ours", [Fault("cursor", "cannot be read")]) from None
-    if signature != _signature(query):
+    if signature != _signature(query, place):
         raise Invalid(
-            "the cursor belongs to another query: repeat the query that gave it",
+            "the cursor is damaged or belongs to another query: repeat the query that gave it",
             [Fault("cursor", "was given for other parameters")],
         )
     return place

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Undecodable
-from service.ingest.raw import MOST_FAULTS_OF_A_KIND, Limits, RawRecord, capped, check_size
+from service.ingest.raw import METADATA, MOST_FAULTS_OF_A_KIND, Limits, RawRecord, capped, check_size
 
 CONTENT_TYPES = ("application/json",)
 _REPEATED = "\0repeated"
@@ -43,6 +43,9 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
     faults = [Fault(f"channels.{name}", "appears twice") for name in raw.pop(_REPEATED, [])]
     metadata_twice = metadata.pop(_REPEATED, [])
     faults += [Fault(name, "appears twice") for name in metadata_twice]
+    for name in METADATA:
+        if isinstance(metadata.get(name), (list, dict)):
+            faults.append(Fault(name, f"is a {type(metadata[name]).__name__}, not a single value"))
     for name, samples in raw.items():
         if not isinstance(samples, list):
             faults.append(Fault(f"channels.{name}", f"is a {type(samples).__name__}, not an array"))

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from service.errors import Fault
+from service.ingest.raw import METADATA
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
 from twin.units import STANDARD_ATMOSPHERE_BAR
@@ -15,15 +16,10 @@ TypeLookup = Callable[[str | None, str], PumpType | None]
 """Pump type that (operator, name) means; None where there is none."""
 TEXTS_REQUIRED = ("pump_serial", "aircraft", "position", "flight_id")
 TEXTS_OPTIONAL = ("segment", "pump_type", "operator")
-KNOWN = (
-    *TEXTS_REQUIRED,
-    *TEXTS_OPTIONAL,
-    "started_at",
-    "flight_hours",
-    "pressure_reference",
-    "ambient_pressure_bar",
-)
+KNOWN = METADATA
 _LONGEST_TEXT = 200
+_HALVES = range(0xD800, 0xE000)
+"""Halves of surrogate pairs: no text, no database and no answer can hold one."""
 CLOCK_TOLERANCE = timedelta(days=1)
 """A wrong zone shifts by up to 14 h; a record that is later than this cannot have been flown yet."""
 
@@ -91,8 +87,15 @@ def checked_metadata(
         flight_hours=hours,
         pressure_reference=reference,
         ambient_pressure_bar=STANDARD_ATMOSPHERE_BAR if ambient is None else ambient,
-        foreign={k: v for k, v in values.items() if k not in KNOWN},
+        foreign={_storable(k): _storable(v) for k, v in values.items() if k not in KNOWN},
     ), []
+
+
+def _storable(value: Any) -> Any:
+    """A foreign value that every database can hold: what is no character becomes the replacement character."""
+    if not isinstance(value, str):
+        return value
+    return "".join("\ufffd" if c == "\0" or ord(c) in _HALVES else c for c in value)
 
 
 def _text(name: str, value: Any, required: bool, faults: list[Fault]) -> str | None:
@@ -104,7 +107,7 @@ def _text(name: str, value: Any, required: bool, faults: list[Fault]) -> str | N
         faults.append(Fault(name, f"is a {type(value).__name__}, not text"))
         return None
     text = str(value).strip()
-    if len(text) > _LONGEST_TEXT or any(ord(c) < 32 for c in text):
+    if len(text) > _LONGEST_TEXT or any(ord(c) < 32 or ord(c) in _HALVES for c in text):
         faults.append(Fault(name, f"is longer than {_LONGEST_TEXT} characters or holds control characters"))
         return None
     return text

@@ -9,6 +9,20 @@ from numpy.typing import NDArray
 
 from service.errors import Fault, TooLarge
 
+METADATA = (
+    "pump_serial",
+    "aircraft",
+    "position",
+    "flight_id",
+    "segment",
+    "pump_type",
+    "operator",
+    "started_at",
+    "flight_hours",
+    "pressure_reference",
+    "ambient_pressure_bar",
+)
+"""Metadata that mean something; any other is kept with the record."""
 MOST_FAULTS_OF_A_KIND = 5
 _BYTES_PER_SAMPLE = 8
 

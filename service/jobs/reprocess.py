@@ -11,14 +11,7 @@ from sqlalchemy.orm import Session
 
 from service.errors import Fault, Invalid, NotFound, Unavailable
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
-from service.monitoring.reanalysis import (
-    PumpChange,
-    Wanted,
-    pumps_of,
-    rehearsed,
-    reprocessed,
-    thresholds_changed,
-)
+from service.monitoring.reanalysis import Change, PumpChange, Wanted, cause_of, pumps_of, rehearsed, reprocessed
 from service.monitoring.refold import REPROCESSED
 from service.tables import Pump
 from service.threshold_layers import Scope
@@ -101,17 +94,18 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
 
 
 class RefoldParameters(Parameters):
-    """A layer of thresholds that has changed."""
+    """What has changed, and the pumps that it holds for."""
 
     scope: str
     id: str
     operator: str | None = None
     version: int
+    change: Change = "thresholds_changed"
 
 
 @register
 class Refold(Kind[RefoldParameters, list[int]]):
-    """Fold anew what a change of thresholds touches, one item per pump."""
+    """Fold anew what a change of thresholds or of a measured healthy curve touches, one item per pump."""
 
     name = "refold"
     over_api = False
@@ -127,7 +121,7 @@ class Refold(Kind[RefoldParameters, list[int]]):
         return len(pump_ids)
 
     def item(self, work: Work[RefoldParameters], pump_ids: list[int], position: int) -> Item:
-        pump_id, cause = pump_ids[position], thresholds_changed(_scope(work.parameters))
+        pump_id, cause = pump_ids[position], cause_of(work.parameters.change, _scope(work.parameters))
         database, archive = work.context.database, work.context.archive
         return _answered(work, pump_id, lambda: reprocessed(database, archive, pump_id, cause))
 

@@ -8,6 +8,7 @@ from detectors.assessment import Fold
 from detectors.flights import Outline, roles_of
 from detectors.observation import History, Maintenance, Observation
 from detectors.snapshot import snapshot
+from detectors.type_correction import HealthyCurve
 from detectors.verdict import Assessment, Verdict
 from service.monitoring.setting import Setting
 from twin.parameters import PumpType
@@ -34,6 +35,7 @@ class Known:
     """Everything that a pump's verdicts are a function of, apart from reductions and the twin's version.
 
     ``placed`` is in event order: by instant, then by record.
+    ``healthy`` is the pump type's measured curve that stands in for the twin's, None where nobody has measured one.
     """
 
     kind: PumpType
@@ -41,6 +43,7 @@ class Known:
     placed: tuple[PlacedRecord, ...]
     maintenance: tuple[Maintenance, ...] = ()
     installation_changes: tuple[datetime, ...] = ()
+    healthy: HealthyCurve | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +96,8 @@ def steps(
             held, begin = start.fold, taken
         else:
             # other surroundings: the whole history so far is seen with them
-            held, begin = Fold(setting.pump_type(known.kind), setting.circuit_parameters, known.thresholds), 0
+            kind = setting.pump_type(known.kind)
+            held, begin = Fold(kind, setting.circuit_parameters, known.thresholds, known.healthy), 0
         outlines = [p.outline for p in known.placed[:end]]
         roles = roles_of(outlines)
         ids = [o.record_id for o in outlines[begin:]]

@@ -17,6 +17,7 @@ from service.monitoring.fold import Known, Observations, PlacedRecord
 from service.monitoring.placement import Interval, Place, changes, place_at
 from service.monitoring.setting import Setting, setting_at
 from service.parameter_sets import held_type
+from service.registry.reference_curves import healthy_curve
 from service.tables import (
     ANALYSED,
     SUPERSEDED,
@@ -30,6 +31,7 @@ from service.tables import (
     RegistryVersion,
 )
 from service.threshold_layers import Effective
+from twin.version import twin_version
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 AnyRow: TypeAlias = Row[*tuple[Any, ...]]
@@ -59,6 +61,12 @@ class Knowledge:
             return {i: observation_at(outlines[i], documents[i], self.flight_hours.get(i)) for i in ids}
 
         return read
+
+    @property
+    def twin_version(self) -> str:
+        """Version of the twin, with that of the measured curve which stands in for it."""
+        version = twin_version(self.known.kind)
+        return version if self.known.healthy is None else f"{version}+{self.known.healthy.version}"
 
 
 def knowledge(
@@ -116,7 +124,8 @@ def knowledge(
         placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
     placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
     maintenance = tuple(Maintenance(e.at, e.action) for e in entries(session, MaintenanceEvent, pump.id, known_at))
-    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals))
+    healthy = healthy_curve(session, pump.operator, name, known_at)
+    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy)
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
     return Knowledge(known, name, thresholds, anew, hours)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import structlog
 from sqlalchemy import Select, func, select
@@ -25,6 +25,8 @@ from service.threshold_layers import Effective, Scope, effective_thresholds, pum
 from service.threshold_pins import hold, newest_number
 from twin.version import twin_version
 
+Change = Literal["thresholds_changed", "reference_curve_changed"]
+"""What may have changed for all pumps of a scope."""
 _MOST_CHANGES_SHOWN = 50
 log = structlog.get_logger("casedrain")
 
@@ -83,10 +85,12 @@ class Wanted:
 
 
 def pumps_of(scope: Scope) -> Select[Pump]:
-    """The pumps that a layer of thresholds holds for."""
+    """The pumps that a layer of thresholds holds for, or a pump type's curve: of one operator where it names one."""
     query = select(Pump)
     if scope.kind == "pump-type":
         query = query.where(Pump.pump_type == scope.id)
+        if scope.operator is not None:
+            query = query.where(Pump.operator == scope.operator)
     elif scope.kind == "operator":
         query = query.where(Pump.operator == scope.id)
     elif scope.kind == "pump":
@@ -100,13 +104,13 @@ def n_pumps(session: Session, scope: Scope) -> int:
     return int(session.scalar(select(func.count()).select_from(found)) or 0)
 
 
-def thresholds_changed(scope: Scope) -> Cause:
-    """Why the pumps of a layer are folded anew after its thresholds changed."""
-    return Cause("thresholds_changed", f"{scope.kind}/{scope.id}")
+def cause_of(change: Change, scope: Scope) -> Cause:
+    """Why the pumps of a scope are folded anew."""
+    return Cause(change, f"{scope.kind}/{scope.id}")
 
 
-def refold_scope(database: Database, archive: Archive, scope: Scope) -> None:
-    """Fold anew every pump that a layer of thresholds holds for, one transaction per pump.
+def refold_scope(database: Database, archive: Archive, scope: Scope, change: Change) -> None:
+    """Fold anew every pump of a scope, one transaction per pump.
 
     A pump that cannot be folded now, e.g. because raw bytes are gone, keeps its verdicts and stops none of the others.
     """
@@ -114,7 +118,7 @@ def refold_scope(database: Database, archive: Archive, scope: Scope) -> None:
         pump_ids = [pump.id for pump in session.scalars(pumps_of(scope))]
     for pump_id in pump_ids:
         try:
-            reprocessed(database, archive, pump_id, thresholds_changed(scope))
+            reprocessed(database, archive, pump_id, cause_of(change, scope))
         except Problem as problem:
             log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
 

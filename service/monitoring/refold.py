@@ -18,7 +18,6 @@ from service.monitoring.codec import trend_to_json, verdict_to_json
 from service.monitoring.fold import Known, fold, steps
 from service.monitoring.knowledge import AnyRow, Knowledge, knowledge
 from service.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
-from twin.version import twin_version
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +57,7 @@ def refold(
         for row in session.scalars(select(Record).where(Record.id.in_(found.anew))):
             keep_analysis(row, found.anew[row.id])
     pump.pump_type = found.kind
-    version = twin_version(found.known.kind)
+    version = found.twin_version
     links = chain(found.known, version, found.thresholds.version)
     stored = _stored(session, pump)
     same = 0 if from_scratch else _unchanged(found.known, links, stored)
@@ -101,7 +100,7 @@ def verdict_known_at(
     assessments = [a for a in fold(found.known, found.observations(session)) if at is None or a.at <= at]
     if not assessments:
         return empty_verdict(found.known.kind, found.thresholds)
-    return verdict_to_json(assessments[-1].verdict, twin_version(found.known.kind), found.thresholds.version)
+    return verdict_to_json(assessments[-1].verdict, found.twin_version, found.thresholds.version)
 
 
 def _outline_older(session: Session, pump: Pump) -> None:

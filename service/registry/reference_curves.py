@@ -1,5 +1,6 @@
 """Healthy points measured on an iron bird or a test bench, in place of the twin's reference curve."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -7,8 +8,13 @@ from pydantic import ConfigDict, Field
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
+from detectors.type_correction import HealthyCurve, HealthyPoint, followed
+from service.errors import Fault, Invalid
+from service.monitoring.setting import DEFAULT_CIRCUIT
+from service.parameter_sets import held_type
 from service.registry.fields import Body
 from service.tables import ReferenceCurve
+from twin.pumps import circuit_parameters
 
 
 class MeasuredPoint(Body):
@@ -55,16 +61,34 @@ def reference_curve(
     return session.scalar(query.limit(1))
 
 
-def reference_points(
+def healthy_curve(
     session: Session, operator: str | None, pump_type: str, known_at: datetime | None = None
-) -> list[MeasuredPoint]:
-    """Points of the measured curve that holds; empty where the twin's own curve does."""
+) -> HealthyCurve | None:
+    """The measured curve that holds, as the judge takes it; None where the twin's own does."""
     row = reference_curve(session, operator, pump_type, known_at)
-    return [] if row is None else [MeasuredPoint(**point) for point in row.points["items"]]
+    return None if row is None else _judged([MeasuredPoint(**point) for point in row.points["items"]])
 
 
 def put(session: Session, operator: str | None, pump_type: str, body: NewReferenceCurve, author: str) -> ReferenceCurve:
-    """Store measured points, for one operator or for all; earlier ones stay readable at their time."""
+    """Store measured points, for one operator or for all; earlier ones stay readable at their time.
+
+    Raises
+    ------
+    Invalid
+        naming every point at whose speed and temperature the twin has no solution to compare it with.
+    """
+    solved = followed(
+        _judged(body.points), held_type(session, operator, pump_type), circuit_parameters(DEFAULT_CIRCUIT)
+    )
+    faults = [
+        Fault(
+            f"body.points.{i}", f"the twin has no solution at {p.speed_rpm:g} rpm and {p.fluid_temperature_degc:g} degC"
+        )
+        for i, (p, good) in enumerate(zip(body.points, solved, strict=True))
+        if not good
+    ]
+    if faults:
+        raise Invalid(f"{len(faults)} point(s) cannot be compared with the twin; nothing was stored", faults)
     row = ReferenceCurve(
         pump_type=pump_type,
         operator=operator,
@@ -75,6 +99,15 @@ def put(session: Session, operator: str | None, pump_type: str, body: NewReferen
     session.add(row)
     session.flush()
     return row
+
+
+def _judged(points: Sequence[MeasuredPoint]) -> HealthyCurve:
+    return HealthyCurve(
+        tuple(
+            HealthyPoint(p.discharge_pressure_bar, p.case_minus_reservoir_bar, p.fluid_temperature_degc, p.speed_rpm)
+            for p in points
+        )
+    )
 
 
 def document(pump_type: str, row: ReferenceCurve | None) -> dict[str, Any]:

@@ -1,14 +1,13 @@
 """The audit log."""
 
-from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
 from service import audit
 from service.context import Asker, ContextOf
-from service.instants import check_instants
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+from service.registry.fields import Instant
 from service.tables import AuditEntry
 
 router = APIRouter(prefix="/audit", tags=["administration"])
@@ -22,14 +21,13 @@ def listed(
     action: Annotated[str | None, Query(description="`alarm.close`, or `alarm` for all of its kind")] = None,
     subject: Annotated[str | None, Query(description="For example `alarm/5f3c`")] = None,
     operator: str | None = None,
-    since: Annotated[datetime | None, Query(alias="from")] = None,
-    until: Annotated[datetime | None, Query(alias="to")] = None,
+    since: Annotated[Instant | None, Query(alias="from")] = None,
+    until: Annotated[Instant | None, Query(alias="to")] = None,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
 ) -> dict[str, Any]:
     """Page through the changes that this admin may see: an operator's admin sees those to its own data."""
     asker.require("admin")
-    check_instants(**{"from": since, "to": until})
     filters = {"actor": actor, "action": action, "subject": subject, "operator": operator}
     query = {"list": "audit", "from": since, "to": until, **filters}
     after = place_of(query, cursor)

@@ -56,8 +56,12 @@ def listed(
 @router.post("", status_code=202, summary="Ask for a job")
 def make(body: NewJob, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
     """Queue a job; asking again for one that has not ended gives the same."""
-    if not kind_named(body.kind).over_api:
+    kind = kind_named(body.kind)
+    if not kind.over_api:
         raise Invalid(f"a job {body.kind} is not started here", [Fault("kind", "is started by another call")])
+    ours = [Fault(f"parameters.{name}", "is set by the service") for name in kind.internal & body.parameters.keys()]
+    if ours:
+        raise Invalid(f"the parameters have {len(ours)} fault(s)", ours)
     job = ask_for(context, asker, body.kind, body.operator, body.parameters)
     response.headers["Location"] = f"/api/v1/jobs/{job.id}"
     return shown(job)

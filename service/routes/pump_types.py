@@ -5,16 +5,18 @@ import tomllib
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from service import audit
 from service.context import Asker, Context, ContextOf
 from service.errors import Fault, Forbidden, Invalid, NotFound, TooLarge, Undecodable, UnknownType
+from service.jobs.refolding import refold_after
 from service.parameter_sets import find_type, store, types
 from service.registry import reference_curves
 from service.security import Principal
+from service.threshold_layers import Scope
 from twin.parameters import PumpType
 from twin.pumps.written import document_of
 from twin.version import twin_version
@@ -123,11 +125,15 @@ def curve(name: str, context: ContextOf, asker: Asker, operator: Operator = None
 def put_curve(
     name: str,
     body: reference_curves.NewReferenceCurve,
+    background: BackgroundTasks,
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
 ) -> dict[str, Any]:
-    """Replace the measured points of one operator; a key of no operator sets them for all unless it names one."""
+    """Replace the measured points of one operator; a key of no operator sets them for all unless it names one.
+
+    The pumps of the type are judged against them from then on, their whole history included.
+    """
     asker.require("engineer")
     with context.database.writing() as session:
         _known(session, asker, name)
@@ -135,7 +141,9 @@ def put_curve(
         row = reference_curves.put(session, wanted, name, body, asker.owner)
         details = {"points": len(body.points)}
         audit.note(session, asker, "reference_curve.put", f"pump-type/{name}", wanted, details)
-        return reference_curves.document(name, row)
+        answer, version = reference_curves.document(name, row), row.id
+    refold_after("reference_curve_changed", version, context, asker, background, Scope("pump-type", name, wanted))
+    return answer
 
 
 def _stored(context: Context, asker: Principal, operator: str | None, document: dict[str, Any]) -> PumpType:

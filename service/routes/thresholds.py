@@ -9,11 +9,11 @@ from sqlalchemy.orm import Session
 
 from detectors.thresholds import KEYS
 from service import queries
-from service.context import Asker, Context, ContextOf
+from service.context import Asker, ContextOf
 from service.errors import Forbidden, NotFound, TooLarge
+from service.jobs.refolding import refold_after
 from service.jobs.requests import ask_for
 from service.monitoring.preview import Workbench, preview
-from service.monitoring.reanalysis import n_pumps, refold_scope
 from service.parameter_sets import find_type
 from service.routes.jobs import shown
 from service.security import Principal
@@ -32,7 +32,6 @@ from service.threshold_layers import (
 )
 
 router = APIRouter(prefix="/thresholds", tags=["thresholds"])
-_MOST_PUMPS_AT_ONCE = 20
 _UNITS = {key.name: key.unit for key in KEYS}
 
 
@@ -129,7 +128,7 @@ def restored(
         layers = _layers(session, asker, scope, scope_id, operator)
         own = restore(session, layers[-1], number, body.reason if body else None, asker, if_match)
         answer = _answered(session, response, scope, scope_id, layers, own)
-    _refold(context, asker, background, layers[-1], own.number)
+    refold_after("thresholds_changed", own.number, context, asker, background, layers[-1])
     return answer
 
 
@@ -163,7 +162,7 @@ def change(
         layers = _layers(session, asker, scope, scope_id, operator)
         own = put(session, layers[-1], body.values, body.reason, asker, if_match)
         answer = _answered(session, response, scope, scope_id, layers, own)
-    _refold(context, asker, background, layers[-1], own.number)
+    refold_after("thresholds_changed", own.number, context, asker, background, layers[-1])
     return answer
 
 
@@ -183,18 +182,6 @@ def _answered(
 ) -> dict[str, Any]:
     response.headers["ETag"] = etag(own)
     return _document(scope, scope_id, effective_thresholds(session, layers), own.number, own.values)
-
-
-def _refold(context: Context, asker: Principal, background: BackgroundTasks, layer: Scope, version: int) -> None:
-    """Fold anew what the layer holds for: a few pumps right after the answer, more of them by a job."""
-    with context.database.reading() as session:
-        n = n_pumps(session, layer)
-    if n <= _MOST_PUMPS_AT_ONCE:
-        background.add_task(refold_scope, context.database, context.archive, layer)
-        return
-    operator = layer.id if layer.kind == "operator" else layer.operator
-    values = {"scope": layer.kind, "id": layer.id, "operator": layer.operator, "version": version}
-    ask_for(context, asker, "refold", operator, values)
 
 
 def _layers(session: Session, asker: Principal, scope: str, scope_id: str, operator: str | None) -> tuple[Scope, ...]:

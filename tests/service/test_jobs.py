@@ -230,9 +230,9 @@ def test_orphaned_jobs_are_taken_up(settings: Settings, monkeypatch: pytest.Monk
 def test_thresholds_of_a_large_fleet_are_refolded_by_a_job(
     client: TestClient, worn_records: list[DemoRecord], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from service.routes import thresholds
+    from service.jobs import refolding
 
-    monkeypatch.setattr(thresholds, "_MOST_PUMPS_AT_ONCE", 0)
+    monkeypatch.setattr(refolding, "MOST_PUMPS_AT_ONCE", 0)
     for record in worn_records[:3]:
         client.post(f"{API}/records", content=record.content, headers={"content-type": "text/csv"})
     change = {"values": {"case_flow_limit_lpm": 1.3}, "reason": "try"}

@@ -1,9 +1,12 @@
 """Parsing in processes of its own: limits name themselves, a crash costs one file, the pool goes on."""
 
+import asyncio
 import json
 import os
 import signal
-from collections.abc import Iterator
+import tracemalloc
+from collections.abc import AsyncIterator, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +14,8 @@ import pytest
 
 from service.errors import TooLarge, Undecodable
 from service.ingest.parser_pool import ParserLimits, ParserPool
-from service.ingest.raw import Limits
+from service.ingest.raw import Limits, RawRecord
+from service.spool import Spool
 from tests.service.records import body, document
 
 LIMITS = Limits(1_000_000_000, 10_000_000)
@@ -92,3 +96,46 @@ def test_problems_pass_through_with_every_fault(pool: ParserPool, tmp_path: Path
     with pytest.raises(Undecodable) as refused:
         pool.parsed(path, "text/csv", "", LIMITS)
     assert refused.value.errors[0].where == "byte 7"
+
+
+def test_a_slow_file_keeps_no_neighbour_waiting(record: Path, tmp_path: Path) -> None:
+    pool = ParserPool(tmp_path / "spool", ParserLimits(seconds=3.0), n_workers=2)
+    pool.parsed(record, "application/json", "", LIMITS)
+    slow = tmp_path / "slow.csv"
+    with slow.open("w") as file:
+        file.write("time_s,case_pressure_bar\n")
+        file.writelines(f"{i},x\n" for i in range(9_000_000))
+    with ThreadPoolExecutor(2) as threads:
+        # both processes are up before it matters
+        list(threads.map(lambda _: pool.parsed(record, "application/json", "", LIMITS), range(2)))
+        late = threads.submit(pool.parsed, slow, "text/csv", "", LIMITS)
+        assert pool.parsed(record, "application/json", "", LIMITS).channels
+        assert not late.done()
+        with pytest.raises(TooLarge, match="takes longer than 3 s"):
+            late.result()
+    pool.close()
+
+
+def test_the_server_does_not_grow_with_the_file(pool: ParserPool, tmp_path: Path) -> None:
+    """A body of 64 MiB with the numbers of 160 samples: what the server holds is the numbers."""
+    spool = Spool(tmp_path / "received")
+    start, end = body()[:1], body()[1:]
+
+    async def sent() -> AsyncIterator[bytes]:
+        yield start
+        for _ in range(64):
+            yield b" " * 2**20
+        yield end
+
+    async def taken() -> RawRecord:
+        async with spool.received(sent(), "", 2**27) as file:
+            return pool.parsed(file.path, "application/json", "", LIMITS)
+
+    tracemalloc.start()
+    try:
+        raw = asyncio.run(taken())
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(raw.channels["time_s"]) == 160
+    assert peak < 8 * 2**20

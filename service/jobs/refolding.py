@@ -1,0 +1,33 @@
+"""Folding anew what a change touches: a few pumps right after the answer, more of them by a job."""
+
+from fastapi import BackgroundTasks
+
+from service.context import Context
+from service.jobs.requests import ask_for
+from service.monitoring.reanalysis import Change, n_pumps, refold_scope
+from service.security import Principal
+from service.threshold_layers import Scope
+
+MOST_PUMPS_AT_ONCE = 20
+
+
+def refold_after(
+    change: Change, version: int, context: Context, asker: Principal, background: BackgroundTasks, scope: Scope
+) -> None:
+    """Have the pumps of a scope folded anew after the change has been stored.
+
+    Parameters
+    ----------
+    change, version
+        What has changed, and the number of what is new: a job is asked for once for each.
+    scope
+        The pumps that it holds for.
+    """
+    with context.database.reading() as session:
+        n = n_pumps(session, scope)
+    if n <= MOST_PUMPS_AT_ONCE:
+        background.add_task(refold_scope, context.database, context.archive, scope, change)
+        return
+    operator = scope.id if scope.kind == "operator" else scope.operator
+    values = {"scope": scope.kind, "id": scope.id, "operator": scope.operator, "version": version, "change": change}
+    ask_for(context, asker, "refold", operator, values)
