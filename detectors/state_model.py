@@ -125,10 +125,11 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
         beside=State.COMPENSATOR_FAULT,
     ),
     FaultKind("reservoir sensor", State.SENSOR_FAULT, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar"),
-    FaultKind("fault gone", State.HEALTHY, (), 0.0, 0.0, 0, sudden=2.0, growing=None),
+    FaultKind("fault gone", State.HEALTHY, (), 0.0, 0.0, 0, sudden=-1.0, growing=None),
 )
 """Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show. Settings drift more often than
-pumps fail (and no healthy pump of the studies was ever taken for one); fluid is changed once in some hundred flights."""
+pumps fail (and no healthy pump of the studies was ever taken for one); fluid is changed once in some hundred flights. That a fault is
+gone must stay less likely than the alarm level is high: every new candidate would hold the alarm back."""
 N_KINDS = len(FAULT_KINDS)
 GONE = N_KINDS - 1
 """The kind that undoes the likeliest fault: it begins where that fault's filter stands, without the fault."""

@@ -25,7 +25,7 @@ def own_state(rng: np.random.Generator) -> np.ndarray:
     full[c.LN_SLIPPER], full[c.LN_LAMINAR] = rng.normal(0, 0.3, 2)
     full[c.SYSTEM_ORIFICE], full[c.SETTING] = rng.uniform(0.3, 0.7), rng.normal(0, 1)
     full[c.LN_DRAIN], full[c.LN_DROOP] = rng.normal(0, 0.2), rng.uniform(-1.5, 0.7)
-    full[c.DRAIN_VISCOSITY], full[c.DRAIN_FLOW] = rng.normal(-1, 1, 2)
+    full[c.DRAIN_VISCOSITY], full[c.DRAIN_FLOW] = rng.uniform(0, 0.6), rng.uniform(0, 0.4)
     return full
 
 
@@ -35,7 +35,6 @@ def health_of(full: np.ndarray, anchor: np.ndarray) -> Health:
     def scale(own: int, extra: int, law: str, flow: str) -> float:
         return float(np.exp(full[own]) + full[extra] * anchor[COLUMN[law]] / anchor[COLUMN[flow]])
 
-    viscous, fittings = np.exp(full[[c.DRAIN_VISCOSITY, c.DRAIN_FLOW]])
     laminar = scale(c.LN_LAMINAR, c.LAMINAR_EXTRA, "laminar_law", "laminar_flow")
     return Health(
         slipper_leakage_scale=scale(c.LN_SLIPPER, c.SLIPPER_EXTRA, "slipper_law", "slipper_flow"),
@@ -45,8 +44,8 @@ def health_of(full: np.ndarray, anchor: np.ndarray) -> Health:
         system_leakage_lpm=full[c.SYSTEM_ORIFICE] + anchor[COLUMN["system_law"]] * full[c.SYSTEM_LAMINAR],
         pressure_setting_change_bar=full[c.SETTING],
         drain_resistance_scale=np.exp(full[c.LN_DRAIN]),
-        drain_viscosity_weight_change=viscous / (1.0 + viscous + fittings),
-        drain_flow_weight_change=fittings / (1.0 + viscous + fittings),
+        drain_viscosity_weight_change=full[c.DRAIN_VISCOSITY],
+        drain_flow_weight_change=full[c.DRAIN_FLOW],
         droop_scale=np.exp(full[c.LN_DROOP]),
         throttled_leakage_lpm=full[c.THROTTLED],
     )
