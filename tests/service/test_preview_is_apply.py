@@ -5,7 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from fastapi.testclient import TestClient
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 
 from tests.detectors.fleet import FAULTS, history
@@ -59,13 +59,14 @@ def test_preview_is_apply(client: TestClient) -> None:
 
     @settings(
         max_examples=5 if context.database.is_sqlite else 3,
-        phases=(Phase.generate,),  # shrinking takes minutes, a failure shows its fleet
+        phases=(Phase.explicit, Phase.generate),  # shrinking takes minutes, a failure shows its fleet
         deadline=None,
         derandomize=True,
         database=None,
         suppress_health_check=list(HealthCheck),
     )
     @given(fleet=st.lists(pumps, min_size=1, max_size=2), first=candidates, values=candidates, whole=st.booleans())
+    @example(fleet=[(3, "worn")], first={}, values={"alarm_on_log_odds": 29.0, "alarm_records": 8}, whole=False)
     def holds(
         fleet: list[tuple[int, str | None]], first: dict[str, float], values: dict[str, float], whole: bool
     ) -> None:
