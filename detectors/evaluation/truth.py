@@ -5,6 +5,7 @@ what is smaller counts as healthy in its sums. So the truth of a record is the f
 installation reaches the floor, and health before.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
@@ -29,7 +30,19 @@ _KIND_OF: Mapping[str, str] = {
     "bleed": "bleed",
 }
 """Judge's kind of fault by the simulated one; what it has no kind for counts as faulty from its onset on."""
+_CHUNKS = 8
+"""Chunks after which the kinds of every row have had their turns."""
 _FLOORS = {k.name: k.floor for k in FAULT_KINDS}
+
+
+def judges_kinds(row: Row) -> Counter[str]:
+    """The judge's kinds of fault that a row stands for, by how many of its chunks have them; "" for none of its own."""
+    found: Counter[str] = Counter()
+    for chunk in range(_CHUNKS):
+        courses = row.course.courses(1, row.n_flights, chunk)
+        if courses:
+            found[_KIND_OF.get(courses[0].kind, "")] += 1
+    return found
 
 
 def since_installation(values: Array, moved_at: int | None) -> Array:

@@ -53,6 +53,7 @@ from detectors.evaluation.small_steps import chart_threshold, judged_in_class
 from detectors.evaluation.study import Outcome
 from detectors.evaluation.truth import is_worth_a_word, since_installation
 from detectors.filter_bank import ARRIVAL_KINDS, Bank
+from detectors.regulation import LOG_HAZARD
 from detectors.state_model import FAULT_KINDS, log_hazards
 from detectors.thresholds import effective
 from detectors.verdict import ESTIMATES, State
@@ -153,13 +154,19 @@ def test_rows_are_pooled_as_the_judge_expects_them() -> None:
     worn = next(r for r in PLAIN_ROWS if r.worn)
     weights = prior_weights([healthy, leak, replace(leak, name="again"), drain, worn])
     assert weights[1] == weights[2]
-    hazards = np.exp(log_hazards()).sum(axis=0)
-    by_state = {s: sum(h for h, k in zip(hazards, FAULT_KINDS, strict=True) if k.state is s) for s in State}
+    hazards = dict(zip((k.name for k in FAULT_KINDS), np.exp(log_hazards()).sum(axis=0), strict=True))
+    drains = [k.name for k in FAULT_KINDS if k.state is State.DRAIN_RESTRICTION]
+    worn_kinds = [k.name for k in FAULT_KINDS if k.state is State.PUMP_DEGRADATION]  # both rows stand for all of them
     assert 2 * weights[1] / weights[3] == pytest.approx(
-        by_state[State.PUMP_DEGRADATION] / by_state[State.DRAIN_RESTRICTION]
+        sum(map(hazards.get, worn_kinds)) / sum(map(hazards.get, drains))
     )
-    # all kinds but the healthy ones, in four records each; 200 records without any of them
-    assert hazard_per_record() == pytest.approx(sum(h for s, h in by_state.items() if s is not State.HEALTHY) / 4)
+    # uneven wear of its own row is as rare as the judge takes it for
+    uneven = next(r for r in PLAIN_ROWS if r.name == "uneven wear")
+    apart = prior_weights([drain, uneven])
+    assert apart[1] / apart[0] == pytest.approx(hazards["uneven wear"] / sum(map(hazards.get, drains)))
+    # all kinds but the healthy ones and changes of the regulation, in four records each; 200 records without any
+    faults = [k.name for k in FAULT_KINDS if k.state is not State.HEALTHY]
+    assert hazard_per_record() == pytest.approx((sum(map(hazards.get, faults)) + math.exp(LOG_HAZARD)) / 4)
     assert weights[0] * (1 + 2 * ARRIVAL_PRIOR) == pytest.approx(math.exp(-200 * hazard_per_record()))
     start = Bank(pump_type("h225"))
     assert start.log_evidence[1 : 1 + len(ARRIVAL_KINDS)] == pytest.approx(math.log(ARRIVAL_PRIOR))
