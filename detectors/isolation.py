@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from detectors.filter_bank import ARRIVAL_FLOOR_LPM, Bank
 from detectors.filter_summary import summed
 from detectors.state_model import FAULT_KINDS
-from detectors.verdict import FAULTS, State
+from detectors.verdict import FAULTS, SIDE_OF, Side, State
 
 Array = NDArray[np.float64]
 
@@ -21,8 +21,14 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "drain_resistance_change_percent": ("ln_drain",),
 }
 """Estimated changes, and the components that they are counted in."""
-WORN_PROBABILITY = 0.5
-"""Probability of having arrived worn from which a pump is called so."""
+WORN_PROBABILITY = 0.53
+WORN_RECORDS = 4
+"""Probability of having arrived worn, and records in a row above it, from which a pump is called so."""
+_KEPT = 0.82
+"""Share of its level down to which what is named keeps its name."""
+_FAULTS_OF: Mapping[Side, tuple[State, ...]] = {
+    side: tuple(f for f in FAULTS if SIDE_OF[f] is side) for side in (Side.PUMP, Side.SYSTEM, Side.SENSOR)
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +55,17 @@ class Evidence:
 class Alarm:
     """Memory of the sequential decision between records.
 
-    An alarm is raised after ``above`` records in a row over the on-level and ends below the off-level; a fault is
-    named after its share among the faults stayed high for ``named_for`` records in a row.
+    An alarm is raised after ``above`` records in a row over the on-level and ends below the off-level. ``state`` and
+    ``side`` lead among the faults for ``state_for`` and ``side_for`` records in a row with a share over their level;
+    what is named keeps its name until its share falls clearly below that.
     """
 
     raised: bool = False
     above: int = 0
-    leader: State | None = None
-    named_for: int = 0
+    state: State | None = None
+    state_for: int = 0
+    side: Side | None = None
+    side_for: int = 0
     worn_for: int = 0
 
 
@@ -119,7 +128,7 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
 
 
 def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> tuple[Alarm, Decision]:
-    """One step of the sequential decision."""
+    """One step of the sequential decision: is there an alarm, whose side is it, and which fault of that side."""
     worn_for = alarm.worn_for + 1 if found.arrival > WORN_PROBABILITY else 0
     above = alarm.above + 1 if found.log_odds > thresholds["alarm_on_log_odds"] else 0
     raised = above >= thresholds["alarm_records"] or (
@@ -127,20 +136,35 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
     )
     share = found.shares
     leader = max(FAULTS, key=lambda f: share[f])
-    sure = share[leader] > thresholds["side_probability"]
-    named_for = (alarm.named_for + 1 if alarm.leader is leader else 1) if sure else 0
-    following = Alarm(raised, above, leader if sure else None, named_for, worn_for)
-    if worn_for >= thresholds["alarm_records"] and (not raised or leader is State.PUMP_DEGRADATION):
+    by_side = {s: sum(share[f] for f in faults) for s, faults in _FAULTS_OF.items()}
+    side = max(by_side, key=lambda s: by_side[s])
+    level = thresholds["system_side_probability" if side is Side.SYSTEM else "side_probability"]
+    records = thresholds["side_records"]
+    state_for = _led_for(
+        share[leader], thresholds["state_probability"], alarm.state_for if alarm.state is leader else 0, records
+    )
+    side_for = _led_for(by_side[side], level, alarm.side_for if alarm.side is side else 0, records)
+    following = Alarm(
+        raised, above, leader if state_for else None, state_for, side if side_for else None, side_for, worn_for
+    )
+    if worn_for >= WORN_RECORDS and (not raised or leader is State.PUMP_DEGRADATION):
         return following, Decision(State.PUMP_DEGRADATION)
     if not raised:
         return following, Decision(State.HEALTHY)
-    if named_for >= thresholds["side_records"]:
+    if state_for >= records:
         return following, Decision(leader)
+    # a side with a single fault leaves nothing to be undecided about, so it waits for its state
+    rivals = _FAULTS_OF[side] if side_for >= records and len(_FAULTS_OF[side]) > 1 else FAULTS
     # what is not named yet has a rival: a single candidate would be an accusation
-    rival = sorted(FAULTS, key=lambda f: share[f])[-2]
-    likely = {leader, rival} | {f for f in FAULTS if share[f] >= thresholds["candidate_probability"]}
-    candidates = tuple(f for f in FAULTS if f in likely)
+    likely = set(sorted(rivals, key=lambda f: share[f])[-2:])
+    candidates = tuple(f for f in rivals if f in likely or share[f] >= thresholds["candidate_probability"])
     return following, Decision(State.INDETERMINATE, candidates)
+
+
+def _led_for(share: float, level: float, before: int, records: float) -> int:
+    """Records in a row that something has led for, with this one; 0 where its share is too small."""
+    named = before >= records
+    return before + 1 if share > (_KEPT * level if named else level) else 0
 
 
 def secondary(found: Evidence, state: State) -> State | None:

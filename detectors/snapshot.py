@@ -25,7 +25,7 @@ from detectors.type_correction import HealthyCurve
 from twin.compiled import cache_folder
 from twin.parameters import Circuit, PumpType
 
-_MAGIC = b"casedrain fold 1\n"
+_MAGIC = b"casedrain fold 2\n"
 _DIGEST = 32
 _QUICK = 1
 """Compression level: most of the bytes are mantissas, which no level makes much smaller."""

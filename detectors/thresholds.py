@@ -34,12 +34,30 @@ KEYS: tuple[ThresholdKey, ...] = (
     ThresholdKey("window_commanded_flow_lpm", "L/min", 0.5, 0.0, 5.0, "commanded flow up to which flow counts as zero"),
     ThresholdKey("pump_off_minimum_duration_s", "s", 10.0, 1.0, 600.0, "shortest pump-off stretch that gives a zero"),
     ThresholdKey("baseline_records", "records", 8.0, 3.0, 100.0, "records after an installation that set its baseline"),
-    ThresholdKey("alarm_on_log_odds", "nat", 5.0, 0.5, 30.0, "log odds of a fault at which an alarm counts up"),
+    ThresholdKey("alarm_on_log_odds", "nat", 3.0, 0.5, 30.0, "log odds of a fault at which an alarm counts up"),
     ThresholdKey("alarm_off_log_odds", "nat", 1.0, -5.0, 30.0, "log odds below which an alarm ends"),
-    ThresholdKey("alarm_records", "records", 4.0, 1.0, 20.0, "records in a row above the on-level before an alarm"),
-    ThresholdKey("side_probability", "-", 0.95, 0.5, 0.9999, "share of one fault among all faults to be named"),
-    ThresholdKey("side_records", "records", 12.0, 1.0, 50.0, "records in a row above that share before it is named"),
-    ThresholdKey("candidate_probability", "-", 0.05, 0.001, 0.5, "share from which a fault stays a candidate"),
+    ThresholdKey("alarm_records", "records", 3.0, 1.0, 20.0, "records in a row above the on-level before an alarm"),
+    ThresholdKey(
+        "side_probability",
+        "-",
+        0.86,
+        0.5,
+        0.9999,
+        "share of the pump's faults, or the sensor's, from which it is their side",
+    ),
+    ThresholdKey(
+        "system_side_probability",
+        "-",
+        0.83,
+        0.5,
+        0.9999,
+        "share of the circuit's faults from which it is their side: looking there costs less than pulling a sound pump",
+    ),
+    ThresholdKey("state_probability", "-", 0.95, 0.5, 0.9999, "share of one fault among all faults to be named"),
+    ThresholdKey(
+        "side_records", "records", 12.0, 1.0, 50.0, "records in a row above such a share before side or fault is named"
+    ),
+    ThresholdKey("candidate_probability", "-", 0.02, 0.001, 0.5, "share from which a fault stays a candidate"),
     ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),
     ThresholdKey(
         "alarm_on_delay_flights", "flights", 1.0, 1.0, 20.0, "flights in a row with a fault that raise an alarm"

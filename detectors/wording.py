@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from detectors.verdict import Estimate, State
+from detectors.verdict import SIDE_OF, Estimate, Side, State
 
 NAMES: Mapping[State, str] = {
     State.PUMP_DEGRADATION: "worn pump",
@@ -55,6 +55,12 @@ def advice(
             "hold a pump-off stretch."
         )
     names = ", ".join(NAMES[c] for c in candidates)
+    if {SIDE_OF[c] for c in candidates} == {Side.SYSTEM}:
+        return (
+            f"Leave the pump in place: the change is in the circuit, the data cannot yet say which. Possible: {names}."
+        )
+    if {SIDE_OF[c] for c in candidates} == {Side.PUMP}:
+        return f"Plan a check of the pump: the change is its own, the data cannot yet say which. Possible: {names}."
     return (
         f"Something has changed and the data cannot yet say what. Possible: {names}. Do not replace the pump on this."
     )

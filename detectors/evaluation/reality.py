@@ -163,9 +163,11 @@ def fleet(
         rows[..., _column("drain_resistance_scale")] = drain * thin**exponent
     else:
         pipe = by_aircraft(lambda: rng.uniform(0.2, 0.8, (n_pumps, 1)))
-        rows[..., _column("drain_resistance_scale")] = drain
-        rows[..., _column("drain_viscosity_weight_change")] = pipe * batch
-        rows[..., _column("drain_flow_weight_change")] = 1.0 - pipe
+        # a nu Q + b Q^2 and nothing else: the weights of both parts are shares of what they add up to
+        whole = pipe * batch + 1.0 - pipe
+        rows[..., _column("drain_resistance_scale")] = drain * whole
+        rows[..., _column("drain_viscosity_weight_change")] = pipe * batch / whole
+        rows[..., _column("drain_flow_weight_change")] = (1.0 - pipe) / whole
     nominal = nominal_leakage(pump, circuit)
     if worn:
         needed = rng.uniform(2.25, 3.2, (n_pumps, 1)) - 0.5
