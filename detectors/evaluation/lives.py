@@ -1,4 +1,4 @@
-"""Forecasts of pumps whose life is run to its end: whether intervals hold the truth, and how near the mean comes.
+"""Forecasts of pumps whose life is run to its end: whether intervals hold the truth, and how near the median comes.
 
 A life lasts from the installation to the first flight on which the true case flow at the reference condition reaches
 the limit. Forecasts are asked at shares of it (lambda); a pump that is given none there is a miss of alpha-lambda and no
@@ -34,7 +34,7 @@ def covered_at(share: float) -> str:
 
 
 def near_at(share: float) -> str:
-    """Name of the share of pumps whose mean forecast lies within alpha of the truth."""
+    """Name of the share of pumps whose median forecast lies within alpha of the truth."""
     return f"alpha-lambda 20 % at {share:g} of the life"
 
 
@@ -44,7 +44,7 @@ def near_where_given_at(share: float) -> str:
 
 
 def error_at(share: float) -> str:
-    """Name of the median relative error of the mean."""
+    """Name of the median relative error of the forecast."""
     return f"median error of the forecast at {share:g} of the life, share of the truth"
 
 
@@ -79,17 +79,17 @@ def life_scores(found: Seen, limit: float, seed: int) -> dict[str, Score]:
     result: dict[str, Score] = {}
     for k, share in enumerate(LAMBDAS):
         at = asked[pumps, k]
-        mean, low, high = outcome.forecast[pumps, at].T
+        median, low, high = outcome.forecast[pumps, at].T
         left = (ends[pumps] - outcome.flight[pumps, at]) * HOURS_PER_FLIGHT
-        given = np.isfinite(mean)
-        near = np.array([alpha_lambda(m, t, ALPHA) for m, t in zip(mean, left, strict=True)])
+        given = np.isfinite(median)
+        near = np.array([alpha_lambda(m, t, ALPHA) for m, t in zip(median, left, strict=True)])
         inside = given & (low <= left) & (left <= high)
         result |= {
             given_at(share): proportion(int(given.sum()), len(pumps)),
             near_at(share): proportion(int(near.sum()), len(pumps)),
         }
         if given.any():
-            error = (mean[given] - left[given]) / left[given]
+            error = (median[given] - left[given]) / left[given]
             result |= {
                 covered_at(share): proportion(int(inside.sum()), int(given.sum())),
                 near_where_given_at(share): proportion(int(near.sum()), int(given.sum())),

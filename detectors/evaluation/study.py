@@ -60,7 +60,7 @@ class Outcome:
     """What the record adds to tell the fault from health, after what is unknown is projected out [nat]; NaN where the
     world is not the judge's own."""
     forecast: Array
-    """Remaining flight hours: mean and ends of the 80 % interval, shape (n_pumps, n_records, 3); NaN where none was asked
+    """Remaining flight hours: median and ends of the 80 % interval, shape (n_pumps, n_records, 3); NaN where none was asked
     or given."""
 
 

@@ -13,13 +13,13 @@ from service.monitoring.forecast import METRIC, Z_90, TrendPoint, forecast_of_tr
 
 
 def with_forecasts(outcome: Outcome, limit: float) -> Outcome:
-    """The outcome with mean and 80 % interval [h] at the records that are asked, from what was known then."""
+    """The outcome with median and 80 % interval [h] at the records that are asked, from what was known then."""
     forecast = np.full_like(outcome.forecast, np.nan)
     for pump, records in enumerate(asked_records(outcome, limit)):
         for record in {int(r) for r in records if r >= 0}:
             found = forecast_of_trend(_points(outcome, pump, record), limit)
             if not isinstance(found, NoForecast):
-                forecast[pump, record] = found.mean, found.quantile(0.1), found.quantile(0.9)
+                forecast[pump, record] = found.quantile(0.5), found.quantile(0.1), found.quantile(0.9)
     return replace(outcome, forecast=forecast)
 
 

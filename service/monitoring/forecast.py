@@ -1,10 +1,11 @@
 """Forecast of one pump: flight hours until the case flow at the reference condition reaches its limit.
 
 The trend's points are posteriors of one running estimate: neighbours share almost all of their error. Every fifth
-record stands for its neighbours, with its whole error; what even distant ones share, the error of the baseline, is no
-noise that averages out and is laid on the limit instead (as a mixture over its quantiles).
+record stands for its neighbours. What even distant ones share, the error of the baseline, is no noise that averages out:
+it is laid on the limit (as a mixture over its quantiles), and most of it is taken off the records' own errors.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -25,6 +26,9 @@ from service.tables import Pump
 METRIC = "case_flow_at_reference_lpm"
 SPACING = 5
 """Records that one estimate stands for."""
+SHARED_PART = 0.6
+"""Part of the variance shared by all records that is taken off each one's own. Held against simulated lives: with none of
+it no growth was evident where 0.6 L/min had grown, with all of it the 80 % intervals held 57 to 70 % of the truths."""
 Z_90 = 1.645
 _NODES = ((-1.7320508, 1.0 / 6.0), (0.0, 2.0 / 3.0), (1.7320508, 1.0 / 6.0))
 """Gauss-Hermite nodes of a standard normal error, and their shares."""
@@ -50,9 +54,9 @@ def forecast_of(session: Session, pump: Pump) -> dict[str, Any]:
     document: dict[str, Any] = {"flight_hours": None, "limit": limit, "limit_unit": "L/min", "metric": METRIC}
     document["records"] = len(points)
     if isinstance(found, NoForecast):
-        return document | {"reason": found.reason}
+        return document | {"median_flight_hours": None, "reason": found.reason}
     hours = {"mean": found.mean, "low": found.low, "high": found.high}
-    return document | {"flight_hours": hours, "reason": None}
+    return document | {"flight_hours": hours, "median_flight_hours": found.quantile(0.5), "reason": None}
 
 
 def forecast_of_trend(points: Sequence[TrendPoint], limit: float) -> Forecast | NoForecast:
@@ -74,8 +78,9 @@ def forecast_of_trend(points: Sequence[TrendPoint], limit: float) -> Forecast | 
         )
     # from the newest backwards, so that the last record always counts
     kept = dated[::-1][::SPACING][::-1]
-    estimates = [LevelEstimate(p.flight_hours, p.mean, p.standard_deviation) for p in kept]
     shared = min(p.standard_deviation for p in kept)
+    common = SHARED_PART * shared**2
+    estimates = [LevelEstimate(p.flight_hours, p.mean, math.sqrt(p.standard_deviation**2 - common)) for p in kept]
     parts = [(share, forecast(estimates, limit - node * shared)) for node, share in _NODES]
     given = [(share, part) for share, part in parts if isinstance(part, Forecast)]
     if len(given) == len(parts):

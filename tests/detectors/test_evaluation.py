@@ -11,7 +11,7 @@ from detectors.evaluation import calibration as calibration_module
 from detectors.evaluation import delays, lives, operating, scoring, summary
 from detectors.evaluation.calibration import Reliability, calibration, calibration_error
 from detectors.evaluation.lives import covered_at, ends_of_life
-from detectors.evaluation.reality import REALITIES
+from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.rows import HEALTHY, LEAKS, PLAIN_ROWS, ROWS, Growing, Row, SideBySide, Stepping
 from detectors.evaluation.scoring import (
     ACCUSED,
@@ -42,6 +42,7 @@ from detectors.evaluation.summary import ALL_REALITIES, ROC_AREA, pooled, row_re
 from detectors.evaluation.targets import TARGETS, Finding, Scope, Target, findings
 from detectors.thresholds import effective
 from detectors.verdict import ESTIMATES, FAULTS, Side, State
+from twin.condition import INPUTS
 from twin.pumps import circuit_parameters, pump_type
 
 N, H, P, C = State.INSUFFICIENT_DATA, State.HEALTHY, State.PUMP_DEGRADATION, State.COMPENSATOR_FAULT
@@ -358,3 +359,17 @@ def test_roc_compares_the_same_flights() -> None:
     assert result.curve is not None
     assert result.curve.area == 1.0
     assert row_result(row(), {REALITIES[0]: faulty}, None, 1).curve is None
+
+
+def test_a_drain_with_fittings_obeys_its_law_in_every_fluid() -> None:
+    """``a nu Q + b Q^2`` and nothing else: a fixed part would read as a leak when the fluid is changed."""
+    flights = fleet(
+        REALITIES[2], pump_type("h225"), circuit_parameters("shared_return"), np.random.default_rng(4), 3, 300
+    )
+    column = {name: flights.rows[..., INPUTS.index(name)] for name in INPUTS}
+    scale, thin = column["drain_resistance_scale"], column["piston_leakage_scale"]  # goes with one over viscosity
+    viscous, fittings = column["drain_viscosity_weight_change"], column["drain_flow_weight_change"]
+    assert (np.ptp(thin, axis=1) > 0.02 * thin.mean(axis=1)).all()  # the fluid was changed
+    assert viscous + fittings == pytest.approx(1.0)
+    assert np.ptp(scale * viscous * thin, axis=1) == pytest.approx(0.0, abs=1e-12)
+    assert np.ptp(scale * fittings, axis=1) == pytest.approx(0.0, abs=1e-12)

@@ -84,7 +84,7 @@ def test_sweeping_trades_false_alarms_for_delay() -> None:
     # faulty ones climb by half a nat a record from the onset at flight 2; half of them stop at 9 nat
     climb = [[min(0.5 * max(j - 1, -10), 9.0 if i % 2 else 40.0) for j in range(40)] for i in range(10)]
     sick = seen(row(), replace(outcome([[N, *[P] * 39]] * 10), probabilities=stated(climb)))
-    curve, found = operating_curve(sound, sick, effective({}), 1)
+    curve, found = operating_curve(sound, sick, effective({"alarm_on_log_odds": 5.0, "alarm_records": 4.0}), 1)
     at = dict(zip(THRESHOLDS, zip(curve.false_alarms, curve.detected, curve.delay, strict=True), strict=True))
     assert at[3.0][0].value == pytest.approx(1.0e4 * 2 / 390)
     assert at[4.0][0].value == 0.0

@@ -181,7 +181,8 @@ def test_shape_of_the_contract_and_sentence_on_the_page(
     assert 0.0 <= hours["low"] < hours["mean"] < hours["high"]
     assert hours["low"] < left < hours["high"]
     page = client.get("/pumps/F-1").text
-    assert f"{hours['mean']:.0f} flight hours" in page
+    assert hours["low"] < document["median_flight_hours"] < hours["mean"]  # late crossings draw the mean out
+    assert f"{document['median_flight_hours']:.0f} flight hours" in page
     assert f"{hours['low']:.0f} to {hours['high']:.0f}" in page
 
 
