@@ -18,6 +18,7 @@ from service import __version__, queries
 from service.alarms import reading
 from service.context import Context, context_of, principal, visitor_of
 from service.dashboard.charts import sparkline_svg, trend_svg
+from service.dashboard.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 from service.errors import NotFound, Problem, Unauthenticated
 from service.monitoring.analysis import thresholds_of
 from service.monitoring.curve import curve_of
@@ -35,33 +36,6 @@ _HERE = Path(__file__).resolve().parent
 STATIC = StaticFiles(directory=_HERE / "static")
 page_router = APIRouter(include_in_schema=False)
 
-WORDS = {
-    "insufficient_data": "Baseline",
-    "healthy": "Healthy",
-    "pump_degradation": "Worn pump",
-    "compensator_fault": "Compensator",
-    "system_leakage": "Leak in circuit",
-    "drain_restriction": "Drain restricted",
-    "sensor_fault": "Sensor moved",
-    "indeterminate": "Cannot tell yet",
-}
-MARKS = {
-    "insufficient_data": "○",
-    "healthy": "✓",
-    "pump_degradation": "▲",
-    "compensator_fault": "▲",
-    "system_leakage": "◆",
-    "drain_restriction": "◆",
-    "sensor_fault": "■",
-    "indeterminate": "?",
-}
-ESTIMATE_NAMES = {
-    "pump_leakage_change_lpm": "pump leakage, change",
-    "system_leakage_change_lpm": "circuit leakage, change",
-    "pressure_setting_change_bar": "pressure setting, change",
-    "drain_resistance_change_percent": "drain resistance, change",
-    "case_flow_at_reference_lpm": "case flow at reference condition",
-}
 _MOST_ALARMS = 20
 _TRENDS = (
     "case_flow_at_reference_lpm",
@@ -82,10 +56,6 @@ SECURITY_HEADERS = {
 _Body = tuple[str, int, dict[str, Any]]
 
 
-def _instant(value: datetime | str) -> datetime:
-    return datetime.fromisoformat(value) if isinstance(value, str) else value
-
-
 _templates = Environment(
     loader=PackageLoader("service.dashboard"),
     autoescape=select_autoescape(default=True, default_for_string=True),
@@ -98,10 +68,7 @@ _templates.globals |= {
     "units": TREND_METRICS,
     "version": __version__,
 }
-_templates.filters["day"] = lambda instant: f"{_instant(instant):%d %b %Y %H:%M} UTC" if instant else "–"
-# "+ 0.0" turns a rounded minus zero into zero
-_templates.filters["number"] = lambda value, digits: f"{round(value, digits) + 0.0:.{digits}f}"
-_templates.filters["date"] = lambda instant: f"{_instant(instant):%d %b %Y}" if instant else "–"
+_templates.filters |= FILTERS
 
 
 @page_router.get("/", response_class=HTMLResponse)

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from service.app import create_app
 from service.client import Client
-from service.dashboard.pages import WORDS
+from service.dashboard.words import WORDS
 from service.demo.fleet import PUMPS, fleet_records, is_right
 from service.settings import Settings
 

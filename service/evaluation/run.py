@@ -53,13 +53,13 @@ def run(study: Study, folder: Path, workers: int, done: Callable[[int], None]) -
             waiting.append(chunk)
     if workers == 1:
         for chunk in waiting:
-            _work(chunk, folder)
+            judge_chunk(chunk, folder)
             done(chunk.n_pumps)
         return
     # not forked from this process: it has threads and a database driver
     context = multiprocessing.get_context("forkserver")
     with ProcessPoolExecutor(min(workers, max(len(waiting), 1)), context, initializer=_quiet) as pool:
-        tasks = {pool.submit(_work, chunk, folder): chunk for chunk in waiting}
+        tasks = {pool.submit(judge_chunk, chunk, folder): chunk for chunk in waiting}
         try:
             for task in as_completed(tasks):
                 task.result()
@@ -99,7 +99,8 @@ def _read(row: Row, study: Study, folder: Path) -> Iterator[tuple[Chunk, Outcome
         yield chunk, outcome
 
 
-def _work(chunk: Chunk, folder: Path) -> None:
+def judge_chunk(chunk: Chunk, folder: Path) -> None:
+    """Judge one chunk and keep what was found in ``folder``."""
     kind, circuit = pump_type(chunk.pump_type), circuit_parameters(chunk.circuit)
     judge = judged_in_class if chunk.row.in_class else judged
     outcome = judge(chunk.row, chunk.reality, kind, circuit, effective({}), chunk.seed, chunk.number, chunk.n_pumps)

@@ -164,8 +164,12 @@ def _work(engine: _Engine, job: Job) -> None:
             positions = [i for i in range(start_, min(start_ + CHUNK, total)) if i not in done]
             if positions and not _chunk(engine, kind, work, state, positions):
                 break
+        with database.reading() as session:
+            counts = store.counts(session, job.id)
+        whole = sum(counts.values()) >= total
+        result = kind.result(work, state, counts) if whole else {"counts": counts}
     with database.writing() as session:
-        store.finish(session, job.id, kind.result(work, store.counts(session, job.id)))
+        store.finish(session, job.id, result)
 
 
 def _chunk(engine: _Engine, kind: Kind[Any, Any], work: Work[Any], state: Any, positions: list[int]) -> bool:

@@ -82,8 +82,8 @@ class Kind(ABC, Generic[P, State]):
     def item(self, work: Work[P], state: State, position: int) -> Item:
         """Work on one item."""
 
-    def result(self, _work: Work[P], counts: dict[str, int]) -> dict[str, Any]:
-        """The job's result beside its items: number of items by status."""
+    def result(self, _work: Work[P], _state: State, counts: dict[str, int]) -> dict[str, Any]:
+        """The job's result beside its items, once all of them are done: number of items by status, and documents."""
         return {"counts": counts}
 
 

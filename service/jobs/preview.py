@@ -56,7 +56,7 @@ class Preview(Kind[PreviewParameters, list[int]]):
                 return Item(pump.serial, _FAILED, {"pump_serial": pump.serial, "problem": problem.body()})
         return Item(found["pump_serial"], "changed" if differs(found) else "unchanged", jsonable_encoder(found))
 
-    def result(self, work: Work[PreviewParameters], counts: dict[str, int]) -> dict[str, Any]:
+    def result(self, work: Work[PreviewParameters], _pump_ids: list[int], counts: dict[str, int]) -> dict[str, Any]:
         with work.context.database.reading() as session:
             details = [i.detail for i in session.scalars(store.items(work.job_id)) if i.status != _FAILED]
         return {"counts": counts, "totals": totals(details)}

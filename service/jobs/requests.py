@@ -8,13 +8,13 @@ from pydantic import ValidationError
 from service import audit
 from service.context import Context
 from service.errors import Fault, Invalid, Unavailable
-from service.jobs import bulk_import, engine, preview, reprocess, store
+from service.jobs import bulk_import, engine, evaluation, preview, report, reprocess, store
 from service.jobs.kinds import kind_named
 from service.security import Principal
 from service.tables import Job
 
 log = structlog.get_logger("casedrain.jobs")
-KINDS = (bulk_import, preview, reprocess)
+KINDS = (bulk_import, evaluation, preview, report, reprocess)
 """Modules that register kinds of jobs; another kind is another module here."""
 
 

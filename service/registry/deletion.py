@@ -15,7 +15,7 @@ from service.database import Database
 from service.errors import Conflict, Unavailable
 from service.raw_store import RawStore
 from service.registry.ownership import owned_tables, rows_of
-from service.registry.raw_bytes import archive_digests, needs_of
+from service.registry.raw_bytes import archive_digests, document_digests, needs_of
 from service.security import Principal
 from service.tables import Deletion, Job, Record
 
@@ -69,7 +69,9 @@ def receipt_hash(receipt: dict[str, Any]) -> str:
 
 def _delete_rows(session: Session, operator: str, asker: Principal, reason: str) -> Deletion:
     sent = set(session.scalars(select(Record.content_hash).where(Record.operator == operator)))
-    digests = sorted(sent | set(session.scalars(archive_digests().where(Job.operator == operator))))
+    for query in (archive_digests(), *document_digests()):
+        sent |= set(session.scalars(query.where(Job.operator == operator)))
+    digests = sorted(sent)
     counts = {}
     for name, table in reversed(owned_tables().items()):
         gone = cast("CursorResult[Any]", session.execute(delete(table).where(rows_of(table, operator))))

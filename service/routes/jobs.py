@@ -11,12 +11,15 @@ from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
 from service.jobs import store
 from service.jobs.kinds import kind_named
+from service.jobs.products import CONTENT_TYPES, digest_of
 from service.jobs.requests import ask_for
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.tables import Job, JobItem
 
 router = APIRouter(prefix="/jobs", tags=["jobs"])
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+_PAGE_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; frame-ancestors 'none'"
+"""Documents carry their own style and nothing that runs."""
 
 
 class NewJob(BaseModel):
@@ -28,6 +31,8 @@ class NewJob(BaseModel):
             "examples": [
                 {"kind": "reprocess", "parameters": {"pump": "P-1", "dry_run": True}},
                 {"kind": "reprocess", "parameters": {"threshold_version": 3, "only": "verdicts", "dry_run": True}},
+                {"kind": "report", "operator": "north", "parameters": {"since": "2026-01-01T00:00:00Z"}},
+                {"kind": "evaluation", "parameters": {"rows": ["setting 3 bar"], "pumps": 40, "seed": 7}},
             ]
         },
     )
@@ -89,6 +94,27 @@ def items(
         job = store.job_of(session, asker, job_id)
         rows = list(session.scalars(store.items(job.id, after).limit(limit + 1)))
     return page(rows, limit, query, lambda item: item.position, _item)
+
+
+@router.get(
+    "/{job_id}/result",
+    summary="Document that a job has left",
+    response_class=Response,
+    responses={200: {"content": {name.partition(";")[0]: {} for name in CONTENT_TYPES.values()}}},
+)
+def result(
+    job_id: str,
+    context: ContextOf,
+    asker: Asker,
+    form: Annotated[
+        Literal["html", "json"], Query(alias="format", description="A page to print, or its numbers")
+    ] = "html",
+) -> Response:
+    """A report or a study as its job has left it, once it has succeeded."""
+    with context.database.reading() as session:
+        digest = digest_of(store.job_of(session, asker, job_id), form)
+    headers = {"Content-Security-Policy": _PAGE_POLICY, "X-Content-Type-Options": "nosniff", "ETag": f'"{digest}"'}
+    return Response(context.raw_store.get(digest), media_type=CONTENT_TYPES[form], headers=headers)
 
 
 @router.post("/{job_id}/cancel", summary="Cancel a job")

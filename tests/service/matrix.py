@@ -11,6 +11,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
+from service.tables import SUCCEEDED, Job
 from tests.service.guarded import key
 from tests.service.histories import write_history
 from tests.service.records import body as record_body
@@ -166,6 +167,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ),
     ("GET", f"{API}/jobs/{{job_id}}"): Entry("viewer", f"{API}/jobs/{{job}}", True),
     ("GET", f"{API}/jobs/{{job_id}}/items"): Entry("viewer", f"{API}/jobs/{{job}}/items", True),
+    ("GET", f"{API}/jobs/{{job_id}}/result"): Entry("viewer", f"{API}/jobs/{{report}}/result?format=json", True),
     ("POST", f"{API}/jobs/{{job_id}}/cancel"): Entry("analyst", f"{API}/jobs/{{job}}/cancel", True),
     ("GET", f"{API}/exports/{{name}}.{{form}}"): Entry("viewer", f"{API}/exports/windows.csv"),
     ("GET", f"{API}/fleet/summary"): Entry("viewer", f"{API}/fleet/summary"),
@@ -262,6 +264,16 @@ def sent(client: TestClient, method: str, entry: Entry, names: Mapping[str, str]
     )
 
 
+def _end_with_a_document(client: TestClient, job_id: str) -> None:
+    """As the job's worker would have left it; none runs here."""
+    context = client.app.state.context  # type: ignore[attr-defined]
+    content = b'{"ranking": []}'
+    files = {"json": {"content_hash": context.raw_store.put(content), "bytes": len(content)}}
+    with context.database.writing() as session:
+        job = session.get_one(Job, job_id)
+        job.status, job.result = SUCCEEDED, {"counts": {}, "files": files}
+
+
 def seeded(client: TestClient, operator: str, serial: str) -> dict[str, str]:
     """Everything that a request can name, made for one operator."""
     admin = key(client, "admin", operator, owner=f"head of {operator}")
@@ -282,6 +294,9 @@ def seeded(client: TestClient, operator: str, serial: str) -> dict[str, str]:
     assert client.post(f"{API}/mappings", json=mapping, headers=admin).status_code == 201
     rehearsal = {"kind": "reprocess", "parameters": {"pump": serial, "dry_run": True}}
     job = client.post(f"{API}/jobs", json=rehearsal, headers=admin).json()["id"]
+    wanted = {"kind": "report", "parameters": {"pump": serial}}
+    report = client.post(f"{API}/jobs", json=wanted, headers=admin).json()["id"]
+    _end_with_a_document(client, report)
     (alarm,) = client.get(f"{API}/alarms", headers=admin).json()["items"]
     return {
         "operator": operator,
@@ -290,6 +305,7 @@ def seeded(client: TestClient, operator: str, serial: str) -> dict[str, str]:
         "burst": record,
         "mapping": mapping["name"],
         "job": job,
+        "report": report,
         "alarm": alarm["id"],
         "webhook": hook,
         "key": made["id"],

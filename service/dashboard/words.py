@@ -1,0 +1,46 @@
+"""Words, marks and formats that pages and reports share."""
+
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from typing import Any
+
+WORDS: Mapping[str, str] = {
+    "insufficient_data": "Baseline",
+    "healthy": "Healthy",
+    "pump_degradation": "Worn pump",
+    "compensator_fault": "Compensator",
+    "system_leakage": "Leak in circuit",
+    "drain_restriction": "Drain restricted",
+    "sensor_fault": "Sensor moved",
+    "indeterminate": "Cannot tell yet",
+}
+MARKS: Mapping[str, str] = {
+    "insufficient_data": "○",
+    "healthy": "✓",
+    "pump_degradation": "▲",
+    "compensator_fault": "▲",
+    "system_leakage": "◆",
+    "drain_restriction": "◆",
+    "sensor_fault": "■",
+    "indeterminate": "?",
+}
+ESTIMATE_NAMES: Mapping[str, str] = {
+    "pump_leakage_change_lpm": "pump leakage, change",
+    "system_leakage_change_lpm": "circuit leakage, change",
+    "pressure_setting_change_bar": "pressure setting, change",
+    "drain_resistance_change_percent": "drain resistance, change",
+    "case_flow_at_reference_lpm": "case flow at reference condition",
+}
+
+
+def _instant(value: datetime | str) -> datetime:
+    return datetime.fromisoformat(value) if isinstance(value, str) else value
+
+
+FILTERS: Mapping[str, Callable[..., Any]] = {
+    "day": lambda instant: f"{_instant(instant):%d %b %Y %H:%M} UTC" if instant else "–",
+    "date": lambda instant: f"{_instant(instant):%d %b %Y}" if instant else "–",
+    # "+ 0.0" turns a rounded minus zero into zero
+    "number": lambda value, digits: f"{round(value, digits) + 0.0:.{digits}f}",
+}
+"""Filters of the templates."""

@@ -1,0 +1,82 @@
+"""What a report says, as plain data in the words of the API."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from service import queries
+from service.alarms import reading
+from service.monitoring.analysis import thresholds_of
+from service.monitoring.forecast import forecast_of
+from service.monitoring.knowledge import entries
+from service.monitoring.trend import points_of, thinned
+from service.ranking import ranked
+from service.registry import findings
+from service.registry.findings import judged_findings, rates
+from service.routes.pumps import shown
+from service.security import Principal
+from service.tables import Finding, Pump
+
+TRENDS = ("case_flow_at_reference_lpm", "system_leakage_change_lpm")
+"""Metrics that a report draws for each pump: the pump's own wear, and its circuit's."""
+_POINTS = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Period:
+    """From ``since`` on and before ``until``."""
+
+    since: datetime
+    until: datetime
+
+    def holds(self, at: datetime) -> bool:
+        """True for an instant within it."""
+        return self.since <= at < self.until
+
+
+def overview(session: Session, principal: Principal, rows: Sequence[Pump], period: Period) -> dict[str, Any]:
+    """The fleet as it stands now, ranked with reasons, and how often the workshop agreed; alarms of the period."""
+    ranking = ranked(session, rows, shown(session, list(rows)))
+    ids = {row.id for row in rows}
+    found = [
+        reading.shown(alarm, serial, kind)
+        for alarm, serial, kind in session.execute(reading.alarms(principal))
+        if alarm.pump_id in ids and period.holds(alarm.raised_at)
+    ]
+    return {
+        "by_state": dict(Counter(item["state"] for item in ranking)),
+        "ranking": ranking,
+        "silent": [item["serial"] for item in ranking if item["silent"]],
+        "alarms": found,
+        "findings": rates(judged_findings(session, principal)),
+    }
+
+
+def pump_chapter(session: Session, principal: Principal, row: Pump, period: Period) -> dict[str, Any]:
+    """One pump: verdict now, forecast, trends, changes of verdict, alarms and findings of the period."""
+    assessments = list(session.scalars(queries.assessments(row.id)))
+    limit = thresholds_of(session, row.operator, row.serial, row.pump_type).values["case_flow_limit_lpm"]
+    alarms = session.execute(reading.alarms(principal, serial=row.serial, operator=row.operator))
+    trends = {m: thinned(points_of(assessments, m, period.since, period.until), _POINTS) for m in TRENDS}
+    return {
+        "pump": shown(session, [row])[0],
+        "verdict": queries.verdict(session, row),
+        "forecast": forecast_of(session, row),
+        "case_flow_limit_lpm": limit,
+        "trends": {metric: points for metric, points in trends.items() if points},
+        "changes": [
+            {"at": a.at, "state": a.state, "advice": a.verdict["advice"]}
+            for a in queries.verdict_changes(session, row)
+            if period.holds(a.at)
+        ],
+        "alarms": [reading.shown(a, serial, kind) for a, serial, kind in alarms if period.holds(a.raised_at)],
+        "findings": [
+            findings.document(f)
+            for f in sorted(entries(session, Finding, row.id), key=lambda f: f.at)
+            if period.holds(f.at)
+        ],
+    }

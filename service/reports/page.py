@@ -1,0 +1,57 @@
+"""A report as one printable HTML page that needs nothing else."""
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup
+
+from detectors.verdict import TREND_METRICS
+from service import __version__
+from service.dashboard.charts import trend_svg
+from service.dashboard.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
+from service.reports.content import Period
+
+_TEMPLATES = Environment(
+    # the pages of all reports look alike
+    loader=ChoiceLoader([PackageLoader("service.reports"), PackageLoader("service.validation")]),
+    autoescape=select_autoescape(default=True, default_for_string=True),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_TEMPLATES.filters |= FILTERS
+_TEMPLATES.globals |= {
+    "words": WORDS,
+    "marks": MARKS,
+    "estimate_names": ESTIMATE_NAMES,
+    "units": TREND_METRICS,
+    "version": __version__,
+}
+
+
+def report_html(
+    subject: str, period: Period, whole: Mapping[str, Any], chapters: Sequence[Mapping[str, Any]], author: str
+) -> str:
+    """The page; chapters come in the order of the ranking."""
+    place = {(item["operator"], item["serial"]): item["rank"] for item in whole["ranking"]}
+    ordered = sorted(chapters, key=lambda c: place[c["pump"]["operator"], c["pump"]["serial"]])
+    return _TEMPLATES.get_template("report.html").render(
+        subject=subject,
+        period=period,
+        whole=whole,
+        chapters=[{**chapter, "figures": _figures(chapter)} for chapter in ordered],
+        author=author,
+        made=datetime.now(UTC),
+        counts=[(state, whole["by_state"][state]) for state in WORDS if state in whole["by_state"]],
+    )
+
+
+def _figures(chapter: Mapping[str, Any]) -> list[Markup]:
+    figures = []
+    for metric, points in chapter["trends"].items():
+        limit = chapter["case_flow_limit_lpm"] if metric == "case_flow_at_reference_lpm" else None
+        svg = trend_svg(ESTIMATE_NAMES[metric], TREND_METRICS[metric], points, limit)
+        figures.append(Markup(svg))  # noqa: S704
+    return figures
