@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
+from service.bodies import Body
 from service.errors import Fault
 from service.ingest.conversion import Conversion, conversion
 from service.ingest.metadata import KNOWN
@@ -18,10 +19,10 @@ _MOST_CHANNELS = 500
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class ChannelRule(BaseModel):
+class ChannelRule(Body):
     """One foreign channel: ``value = (sample * scale + offset)`` in ``unit``, brought to the channel's own unit."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True)
     source: Name
     channel: Name
     unit: str | None = Field(default=None, max_length=50, description="Unit of the foreign channel; none: ours already")
@@ -53,10 +54,10 @@ class ChannelRule(BaseModel):
         return self.pressure_reference or self.conversion.reference
 
 
-class CsvRule(BaseModel):
+class CsvRule(Body):
     """How the operator's CSV is written."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(frozen=True)
     delimiter: Literal[",", ";", "\t", "|"] = ","
     decimal: Literal[".", ","] = "."
     encoding: str = Field(default="utf-8", max_length=40)
@@ -78,10 +79,10 @@ class CsvRule(BaseModel):
         return info.name
 
 
-class ChannelMapping(BaseModel):
+class ChannelMapping(Body):
     """All that turns one operator's export into a flight record."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(frozen=True)
     channels: tuple[ChannelRule, ...] = Field(default=(), max_length=_MOST_CHANNELS)
     metadata: dict[Name, Name] = Field(default_factory=dict, description="Foreign name to the record's own name")
     defaults: dict[Name, str | float] = Field(default_factory=dict, description="Metadata that the file may lack")

@@ -6,9 +6,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import ConfigDict
 from sqlalchemy.orm import Session
 
+from service.bodies import Body
 from service.context import Context
 from service.errors import Fault, Invalid
 from service.security import Principal
@@ -16,10 +17,10 @@ from service.security import Principal
 NAME_LENGTH = 500
 
 
-class Parameters(BaseModel):
+class Parameters(Body):
     """What a kind of job is started with; unknown fields are refused by name."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(frozen=True)
 
 
 P = TypeVar("P", bound=Parameters)

@@ -13,10 +13,10 @@ from service.errors import Fault, Invalid, NotFound, Unavailable
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.monitoring.reanalysis import Change, PumpChange, Wanted, cause_of, pumps_of, rehearsed, reprocessed
 from service.monitoring.refold import REPROCESSED
+from service.parameter_sets import types
 from service.tables import Pump
 from service.threshold_layers import Scope
 from service.threshold_pins import newest_number
-from twin.pumps import PUMP_TYPES
 from twin.version import twin_version
 
 
@@ -58,7 +58,7 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
         ids = list(session.scalars(_pumps(parameters, operator)))
         if not ids:
             raise NotFound(f"there is no pump {parameters.pump}" if parameters.pump else "there is no such pump")
-        faults = [*_version_faults(session, parameters), *_twin_faults(session, parameters, ids)]
+        faults = [*_version_faults(session, parameters), *_twin_faults(session, parameters, operator, ids)]
         if faults:
             raise Invalid(f"{len(faults)} fault(s) in what was asked for; no job was started", faults)
         return parameters.model_copy(update={"up_to_pump": ids[-1]})
@@ -78,7 +78,10 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
 
     def item(self, work: Work[ReprocessParameters], pump_ids: list[int], position: int) -> Item:
         asked, pump_id = work.parameters, pump_ids[position]
-        kind = None if asked.twin_version is None else twin_versions()[asked.twin_version]
+        kind = None
+        if asked.twin_version is not None:
+            with work.context.database.reading() as session:
+                kind = twin_versions(session, work.operator)[asked.twin_version]
         wanted = Wanted(asked.threshold_version, kind, work.principal.owner)
         database, archive = work.context.database, work.context.archive
         reduce_anew = asked.only == "everything"
@@ -126,9 +129,9 @@ class Refold(Kind[RefoldParameters, list[int]]):
         return _answered(work, pump_id, lambda: reprocessed(database, archive, pump_id, cause))
 
 
-def twin_versions() -> dict[str, str]:
-    """Versions of the twin that this installation can run, with the parameter set of each."""
-    return {twin_version(kind): name for name, kind in PUMP_TYPES.items()}
+def twin_versions(session: Session, operator: str | None) -> dict[str, str]:
+    """Versions of the twin that an operator's pumps can be judged with, with the parameter set of each."""
+    return {twin_version(kind): kind.name for kind in types(session, operator)}
 
 
 def _version_faults(session: Session, parameters: ReprocessParameters) -> list[Fault]:
@@ -138,8 +141,11 @@ def _version_faults(session: Session, parameters: ReprocessParameters) -> list[F
     return [Fault("parameters.threshold_version", f"is {number}: versions go from 0 (built in) to {newest}")]
 
 
-def _twin_faults(session: Session, parameters: ReprocessParameters, pump_ids: Sequence[int]) -> list[Fault]:
-    where, wanted, known = "parameters.twin_version", parameters.twin_version, twin_versions()
+def _twin_faults(
+    session: Session, parameters: ReprocessParameters, operator: str | None, pump_ids: Sequence[int]
+) -> list[Fault]:
+    where, wanted = "parameters.twin_version", parameters.twin_version
+    known = twin_versions(session, operator)
     if wanted is None:
         return []
     if wanted not in known:

@@ -8,12 +8,13 @@ from pydantic import ConfigDict, Field, field_serializer
 from sqlalchemy import Select, or_, select, tuple_
 from sqlalchemy.orm import Session
 
+from service.bodies import Body
 from service.errors import Conflict, Fault, Invalid
 from service.monitoring.archive import Archive
 from service.monitoring.knowledge import registry_values
 from service.monitoring.refold import Cause, refold
 from service.monitoring.setting import DEFAULT_CIRCUIT
-from service.registry.fields import Body, Instant, Name
+from service.registry.fields import Instant, Name
 from service.registry.locks import lock_aircraft, locked_pumps
 from service.security import Principal
 from service.tables import Aircraft, Installation, Pump, Record, RegistryVersion

@@ -12,11 +12,12 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service import audit, queries
+from service.bodies import Body
 from service.errors import Fault, Invalid, Problem, Undecodable
 from service.monitoring.archive import Archive
 from service.monitoring.refold import Cause, refold
 from service.registry import aircraft, installations, pumps
-from service.registry.fields import Body, Name
+from service.registry.fields import Name
 from service.registry.locks import locked_pump, locked_pumps
 from service.security import Principal
 from service.tables import Aircraft, Installation, Pump

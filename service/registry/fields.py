@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from typing import Annotated
 
-from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, StringConstraints
+from pydantic import AfterValidator, AwareDatetime, StringConstraints
 
 
 def _sensible(instant: datetime) -> datetime:
@@ -31,9 +31,3 @@ Name = Annotated[
 """A serial number, tail number, position …"""
 Note = Annotated[str, StringConstraints(strip_whitespace=True, max_length=2000), AfterValidator(_printable)]
 Reason = Annotated[Note, StringConstraints(min_length=1)]
-
-
-class Body(BaseModel):
-    """A request body; unknown fields are refused by name."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)

@@ -12,8 +12,9 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from detectors.verdict import FAULTS, SIDE_OF, State
+from service.bodies import Body
 from service.registry.entries import add, correct, entry
-from service.registry.fields import Body, Instant, Note
+from service.registry.fields import Instant, Note
 from service.security import Principal
 from service.tables import Finding, Pump, StoredAssessment
 

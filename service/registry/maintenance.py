@@ -5,10 +5,11 @@ from typing import Any, Literal
 from pydantic import ConfigDict
 from sqlalchemy.orm import Session
 
+from service.bodies import Body
 from service.monitoring.archive import Archive
 from service.monitoring.refold import Cause, refold
 from service.registry.entries import add, correct, entry, withdraw
-from service.registry.fields import Body, Instant, Note
+from service.registry.fields import Instant, Note
 from service.tables import MaintenanceEvent, Pump
 
 CHANGED = "maintenance_changed"

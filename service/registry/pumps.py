@@ -7,13 +7,14 @@ from pydantic import ConfigDict
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.bodies import Body
 from service.errors import Conflict
 from service.ingest.decode import DEFAULT_PUMP_TYPE
 from service.monitoring.archive import Archive
 from service.monitoring.knowledge import registry_values
 from service.monitoring.refold import Cause, refold
 from service.parameter_sets import asked_type
-from service.registry.fields import Body, Name
+from service.registry.fields import Name
 from service.tables import Pump, RegistryVersion
 
 

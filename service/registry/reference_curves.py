@@ -9,10 +9,10 @@ from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
 from detectors.type_correction import HealthyCurve, HealthyPoint, followed
+from service.bodies import Body
 from service.errors import Fault, Invalid
 from service.monitoring.setting import DEFAULT_CIRCUIT
 from service.parameter_sets import held_type
-from service.registry.fields import Body
 from service.tables import ReferenceCurve
 from twin.pumps import circuit_parameters
 

@@ -4,38 +4,38 @@ from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from service.alarms import reading
 from service.alarms.handling import Wish, handle
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
+from service.bodies import Body
 from service.context import Asker, ContextOf
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
 router = APIRouter(prefix="/alarms", tags=["alarms"])
 
 
-class Remark(BaseModel):
+class Remark(Body):
     """A word on what is done; it may be left out."""
 
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"reason": "the crew has been told"}]})
+    model_config = ConfigDict(json_schema_extra={"examples": [{"reason": "the crew has been told"}]})
     reason: str | None = Field(default=None, max_length=2000)
 
 
-class Reason(BaseModel):
+class Reason(Body):
     """Why it is done."""
 
     model_config = ConfigDict(
-        extra="forbid", json_schema_extra={"examples": [{"reason": "pump replaced on 12 May, worn slippers found"}]}
+        json_schema_extra={"examples": [{"reason": "pump replaced on 12 May, worn slippers found"}]}
     )
     reason: str = Field(max_length=2000)
 
 
-class Shelf(BaseModel):
+class Shelf(Body):
     """Why an alarm is put aside, and until when."""
 
     model_config = ConfigDict(
-        extra="forbid",
         json_schema_extra={"examples": [{"reason": "spare arrives on Friday", "until": "2026-05-08T12:00:00Z"}]},
     )
     reason: str = Field(max_length=2000)

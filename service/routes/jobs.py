@@ -3,10 +3,11 @@
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from service import audit
+from service.bodies import Body
 from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
 from service.jobs import store
@@ -22,11 +23,10 @@ _PAGE_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; ba
 """Documents carry their own style and nothing that runs."""
 
 
-class NewJob(BaseModel):
+class NewJob(Body):
     """A kind of job and its parameters; ``operator`` narrows it to one operator."""
 
     model_config = ConfigDict(
-        extra="forbid",
         json_schema_extra={
             "examples": [
                 {"kind": "reprocess", "parameters": {"pump": "P-1", "dry_run": True}},

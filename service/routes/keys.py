@@ -4,9 +4,10 @@ from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
 from service import audit, queries
+from service.bodies import Body
 from service.context import Asker, ContextOf
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -16,11 +17,10 @@ from service.tables import ApiKey
 router = APIRouter(prefix="/keys", tags=["administration"])
 
 
-class NewKey(BaseModel):
+class NewKey(Body):
     """What a key shall be allowed to do; without ``operator`` it sees every operator."""
 
     model_config = ConfigDict(
-        extra="forbid",
         json_schema_extra={"examples": [{"owner": "hums-office", "role": "analyst", "operator": "north"}]},
     )
     owner: str = Field(min_length=1, max_length=200, examples=["hums-office"])

@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, BackgroundTasks, Header, Response
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import ConfigDict, Field, FiniteFloat
 from sqlalchemy.orm import Session
 
 from detectors.thresholds import KEYS
 from service import queries
+from service.bodies import Body
 from service.context import Asker, ContextOf
 from service.errors import Forbidden, NotFound, TooLarge
 from service.jobs.refolding import refold_after
@@ -35,11 +36,10 @@ router = APIRouter(prefix="/thresholds", tags=["thresholds"])
 _UNITS = {key.name: key.unit for key in KEYS}
 
 
-class NewThresholds(BaseModel):
+class NewThresholds(Body):
     """A new version of one layer: it replaces the layer's values as a whole."""
 
     model_config = ConfigDict(
-        extra="forbid",
         json_schema_extra={
             "examples": [
                 {"values": {"case_flow_limit_lpm": 1.4}, "reason": "earlier warning wished by the fleet office"}
@@ -50,18 +50,17 @@ class NewThresholds(BaseModel):
     reason: str = Field(max_length=2000)
 
 
-class Restoration(BaseModel):
+class Restoration(Body):
     """Why an earlier version is put back; it may be left out."""
 
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"reason": "too many alarms in May"}]})
+    model_config = ConfigDict(json_schema_extra={"examples": [{"reason": "too many alarms in May"}]})
     reason: str | None = Field(default=None, max_length=2000)
 
 
-class Candidate(BaseModel):
+class Candidate(Body):
     """Values that would stand in for those of one layer as a whole; ``operator`` tells two pumps of a serial apart."""
 
     model_config = ConfigDict(
-        extra="forbid",
         json_schema_extra={"examples": [{"scope": "operator", "id": "north", "values": {"alarm_records": 5}}]},
     )
     scope: Literal["fleet", "pump-type", "operator", "pump"]

@@ -4,10 +4,11 @@ from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field, SecretStr
+from pydantic import ConfigDict, Field, SecretStr
 from sqlalchemy import select
 
 from service import audit
+from service.bodies import Body
 from service.context import Asker, ContextOf
 from service.errors import Forbidden, Invalid
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -19,11 +20,10 @@ from service.users import address_faults, new_user, password_faults, set_passwor
 router = APIRouter(prefix="/users", tags=["administration"])
 
 
-class NewUser(BaseModel):
+class NewUser(Body):
     """Somebody who shall sign in; without ``operator`` that of the admin, or every one's."""
 
     model_config = ConfigDict(
-        extra="forbid",
         json_schema_extra={
             "examples": [{"name": "j.dupont", "password": "a long sentence is easy", "role": "analyst"}]
         },
@@ -36,10 +36,10 @@ class NewUser(BaseModel):
     wants_mail: bool = False
 
 
-class ChangedUser(BaseModel):
+class ChangedUser(Body):
     """What shall change; what is left out stays."""
 
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"role": "engineer"}]})
+    model_config = ConfigDict(json_schema_extra={"examples": [{"role": "engineer"}]})
     password: SecretStr | None = None
     role: Role | None = None
     email: str | None = Field(default=None, max_length=320)

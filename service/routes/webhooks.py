@@ -5,11 +5,12 @@ from datetime import UTC, datetime
 from typing import Annotated, Any, get_args
 
 from fastapi import APIRouter, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service import audit, queries
+from service.bodies import Body
 from service.context import Asker, ContextOf
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.notifications.guard import Blocked, target_of
@@ -23,11 +24,10 @@ router = APIRouter(prefix="/webhooks", tags=["administration"])
 EVENTS: list[Event] = list(get_args(Event))
 
 
-class NewWebhook(BaseModel):
+class NewWebhook(Body):
     """Where to send what; without ``operator`` that of the key, or every one's."""
 
     model_config = ConfigDict(
-        extra="forbid",
         json_schema_extra={
             "examples": [{"url": "https://hooks.example.org/casedrain", "events": ["alarm.raised", "alarm.escalated"]}]
         },

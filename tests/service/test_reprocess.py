@@ -103,6 +103,14 @@ def test_another_parameter_set_of_the_twin_only_as_a_rehearsal(
     found = reprocess(client, twin_version=other, dry_run=True)[serial]
     assert (found["records"], found["twin_version"]) == (4, other)
     assert reprocess(client, twin_version=own)[serial]["status"] == "unchanged"
+    # a stored parameter set is one that can be run as well
+    narrow = {
+        "id": "rebuilt",
+        "base": "h225",
+        "changes": {"slipper.h": {"value": 8.2, "unit": "um", "source": "bench"}},
+    }
+    stored = client.post(f"{API}/pump-types", json=narrow).json()["twin_version"]
+    assert reprocess(client, twin_version=stored, dry_run=True)[serial]["twin_version"] == stored
     assert client.get(f"{API}/pumps/{serial}/verdict").json() == before
     refused = client.post(f"{API}/jobs", json={"kind": "reprocess", "parameters": {"twin_version": other}})
     assert refused.status_code == 422

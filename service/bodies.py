@@ -1,0 +1,32 @@
+"""What bodies of requests have in common; text that every database can hold."""
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, field_validator
+
+_HALVES = range(0xD800, 0xE000)
+
+
+def is_storable(value: Any) -> bool:
+    """False where any text in it holds a NUL, which Postgres refuses and SQLite takes, or half of a surrogate pair."""
+    if isinstance(value, str):
+        return not any(c == "\x00" or ord(c) in _HALVES for c in value)
+    if isinstance(value, dict):
+        return all(is_storable(k) and is_storable(v) for k, v in value.items())
+    if isinstance(value, list | tuple):
+        return all(map(is_storable, value))
+    return True
+
+
+class Body(BaseModel):
+    """A request body: unknown fields, numbers that are none, and text that cannot be stored are refused by name."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    # after the fields' own checks: bodies within bodies have named their own faults by then
+    @field_validator("*", mode="after")
+    @classmethod
+    def _is_storable(cls, value: Any) -> Any:
+        if not is_storable(value):
+            raise ValueError("holds characters that cannot be stored")
+        return value
