@@ -21,7 +21,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "drain_resistance_change_percent": ("ln_drain",),
 }
 """Estimated changes, and the components that they are counted in."""
-WORN_PROBABILITY = 0.53
+WORN_PROBABILITY = 0.5
 WORN_RECORDS = 4
 """Probability of having arrived worn, and records in a row above it, from which a pump is called so."""
 _KEPT = 0.82
