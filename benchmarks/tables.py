@@ -21,6 +21,7 @@ from service import queries
 from service.app import create_app
 from service.database import Database, upgrade
 from service.monitoring.trend import trend_of
+from service.routes.pumps import shown
 from service.security import Principal
 from service.settings import Settings
 from service.tables import Pump
@@ -83,9 +84,9 @@ def _sizes(database: Database) -> dict[str, Any]:
 def _times(database: Database) -> dict[str, Any]:
     principal = Principal("benchmark", "viewer", "north")
 
-    def of_pumps(ask: Callable[[Any, Pump], Any]) -> float:
+    def of_pumps(ask: Callable[[Any, Pump], Any], n: int = 40) -> float:
         times = []
-        for serial in (f"C-{k}" for k in range(7, N_PUMPS, N_PUMPS // 40)):
+        for serial in (f"C-{k}" for k in range(7, N_PUMPS, N_PUMPS // n)):
             with database.reading() as session:
                 pump = session.scalars(select(Pump).where(Pump.serial == serial)).one()
                 start = time.perf_counter()
@@ -96,14 +97,16 @@ def _times(database: Database) -> dict[str, Any]:
     now = datetime.now(UTC)
     return {
         "one_pump_trend_ms": of_pumps(lambda s, p: trend_of(s, p, "case_flow_at_reference_lpm", None, None, 400)),
-        "one_pump_verdict_ms": of_pumps(lambda s, p: queries.verdict(s, p)),
+        "one_pump_verdict_ms": of_pumps(queries.verdict),
         "one_pump_verdict_at_ms": of_pumps(lambda s, p: queries.verdict(s, p, now)),
         "newest_records_of_an_operator_ms": of_pumps(
             lambda s, _: s.scalars(queries.records(principal).limit(100)).all()
         ),
-        "last_assessments_of_the_fleet_ms": of_pumps(
+        "list_of_all_pumps_ms": of_pumps(lambda s, _: shown(s, list(s.scalars(select(Pump)))), n=5),
+        "their_last_assessments_ms": of_pumps(
             lambda s, _: queries.last_assessments(s, list(s.scalars(select(Pump.id))))
         ),
+        "how_many_records_they_have_ms": of_pumps(lambda s, _: queries.n_records(s, list(s.scalars(select(Pump.id))))),
     }
 
 

@@ -162,21 +162,17 @@ def assessments_at(operator: str, aircraft: str, position: str) -> Select[Stored
 
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
     """The newest assessment of each pump that has one."""
+    # pump by pump from the end of the index: numbering the rows of whole histories grows with their length
     newest = (
-        select(
-            StoredAssessment.record_id,
-            func.row_number()
-            .over(
-                partition_by=StoredAssessment.pump_id,
-                order_by=(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()),
-            )
-            .label("place"),
-        )
-        .where(StoredAssessment.pump_id.in_(pump_ids))
-        .subquery()
+        select(StoredAssessment.record_id)
+        .where(StoredAssessment.pump_id == Pump.id)
+        .order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc())
+        .limit(1)
+        .correlate(Pump)
+        .scalar_subquery()
     )
-    query = select(StoredAssessment).join(newest, newest.c.record_id == StoredAssessment.record_id)
-    return {a.pump_id: a for a in session.scalars(query.where(newest.c.place == 1))}
+    query = select(StoredAssessment).where(StoredAssessment.record_id.in_(select(newest).where(Pump.id.in_(pump_ids))))
+    return {a.pump_id: a for a in session.scalars(query)}
 
 
 def verdict(session: Session, row: Pump, at: datetime | None = None) -> dict[str, Any]:
@@ -214,11 +210,18 @@ def n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:
     return {pump_id: int(n) for pump_id, n in session.execute(query.group_by(StoredAssessment.pump_id))}
 
 
-def last_record(session: Session, pump_id: int) -> Record | None:
-    """The pump's newest record that counts."""
-    query = select(Record).join(StoredAssessment, StoredAssessment.record_id == Record.id)
-    query = query.where(StoredAssessment.pump_id == pump_id)
-    return session.scalar(query.order_by(Record.started_at.desc(), Record.id.desc()).limit(1))
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """When a record began, and the pump's flight hours then [h]."""
+
+    started_at: datetime | None
+    flight_hours: float | None
+
+
+def flights_of(session: Session, record_ids: Sequence[str]) -> dict[str, Flight]:
+    """Flights of records, without their reductions."""
+    query = select(Record.id, Record.started_at, Record.flight_hours).where(Record.id.in_(record_ids))
+    return {record_id: Flight(started_at, hours) for record_id, started_at, hours in session.execute(query)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 import numpy as np
-from sqlalchemy import func, or_, select
-from sqlalchemy.orm import Session
+from sqlalchemy import or_, select
+from sqlalchemy.orm import Session, aliased
 
-from service.tables import Installation, StoredAssessment
+from service.tables import Installation, Pump, StoredAssessment
 
 _SHORTEST = timedelta(days=7)
 """Nobody is called silent over a quiet week (our choice)."""
@@ -43,13 +43,23 @@ def patience(starts: Sequence[datetime]) -> timedelta:
 
 def silent_pumps(session: Session, pump_ids: Collection[int], now: datetime) -> dict[int, Silence]:
     """Pumps that are silent at an instant, of those given; one that an entry says was removed is not expected to speak."""
-    place = func.row_number().over(partition_by=StoredAssessment.pump_id, order_by=StoredAssessment.at.desc())
-    newest = (
-        select(StoredAssessment.pump_id, StoredAssessment.at, place.label("place"))
-        .where(StoredAssessment.pump_id.in_(pump_ids))
-        .subquery()
+    earlier = aliased(StoredAssessment)
+    oldest_counted = (
+        select(earlier.at)
+        .where(earlier.pump_id == Pump.id)
+        .order_by(earlier.at.desc())
+        .limit(1)
+        .offset(_NEWEST_RECORDS - 1)
+        .correlate(Pump)
+        .scalar_subquery()
     )
-    query = select(newest.c.pump_id, newest.c.at).where(newest.c.place <= _NEWEST_RECORDS).order_by(newest.c.at)
+    # materialized: worked out once for each pump, not for each of its records
+    habit = select(Pump.id, oldest_counted.label("since")).where(Pump.id.in_(pump_ids))
+    habits = habit.cte("habits").prefix_with("MATERIALIZED")
+    # a shorter history counts whole
+    counts = (StoredAssessment.at >= habits.c.since) | habits.c.since.is_(None)
+    query = select(StoredAssessment.pump_id, StoredAssessment.at)
+    query = query.join(habits, (habits.c.id == StoredAssessment.pump_id) & counts).order_by(StoredAssessment.at)
     starts: dict[int, list[datetime]] = {}
     for pump_id, at in session.execute(query):
         starts.setdefault(pump_id, []).append(at)

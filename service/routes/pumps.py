@@ -33,7 +33,13 @@ def shown(session: Session, rows: list[Pump]) -> list[dict[str, Any]]:
     ids = [row.id for row in rows]
     newest, counts = queries.last_assessments(session, ids), queries.n_records(session, ids)
     silent = silent_pumps(session, ids, datetime.now(UTC))
-    return [_pump(session, row, newest.get(row.id), counts.get(row.id, 0), silent.get(row.id)) for row in rows]
+    flights = queries.flights_of(session, [assessment.record_id for assessment in newest.values()])
+    found = []
+    for row in rows:
+        last = newest.get(row.id)
+        flight = flights.get(last.record_id) if last is not None else None
+        found.append(_pump(session, row, last, flight, counts.get(row.id, 0), silent.get(row.id)))
+    return found
 
 
 @router.get("", summary="List pumps")
@@ -195,9 +201,13 @@ def _revision(row: VerdictRevision) -> dict[str, Any]:
 
 
 def _pump(
-    session: Session, row: Pump, newest: StoredAssessment | None, n_records: int, silence: Silence | None
+    session: Session,
+    row: Pump,
+    newest: StoredAssessment | None,
+    last: queries.Flight | None,
+    n_records: int,
+    silence: Silence | None,
 ) -> dict[str, Any]:
-    last = queries.last_record(session, row.id) if newest is not None else None
     verdict = queries.verdict(session, row) if newest is None else newest.verdict
     return {
         "serial": row.serial,

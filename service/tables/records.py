@@ -62,6 +62,8 @@ class Record(Base):
             postgresql_where=text("status = 'analysed'"),
         ),
         Index("ix_records_status", "status"),
+        Index("ix_records_received_at_id", "received_at", "id"),
+        Index("ix_records_operator_received_at_id", "operator", "received_at", "id"),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True)
