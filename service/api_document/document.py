@@ -82,6 +82,7 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("POST", "/mappings/preview"): (400, 404, 413, 415),
     ("POST", "/jobs"): (404,),
     ("POST", "/jobs/{job_id}/cancel"): (409,),
+    ("GET", "/jobs/{job_id}/result"): (409, 503),
     ("GET", "/exports/{name}.{form}"): (415,),
     ("POST", "/users"): (409,),
     ("DELETE", "/records/{record_id}"): (409, 503),
