@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from http import HTTPStatus
+from urllib.parse import unquote_to_bytes
 
 import structlog
 from fastapi import APIRouter, FastAPI, Request, Response
@@ -146,6 +147,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_exception_handler(OperationalError, _on_met)
     app.add_exception_handler(DataError, _on_unstorable)
     app.add_exception_handler(Exception, _on_anything)
+    app.middleware("http")(_addressed)
     app.middleware("http")(_logged)
     return app
 
@@ -251,6 +253,15 @@ async def _on_unstorable(_request: Request, _error: Exception) -> Response:
 async def _on_anything(request: Request, error: Exception) -> Response:
     log.error("unexpected error", path=request.url.path, exc_info=error)
     return _problem_response(Problem("something went wrong on our side; the log has it under the request id"))
+
+
+async def _addressed(request: Request, answer: Callable[[Request], Awaitable[Response]]) -> Response:
+    """Refuse a NUL in the address: Postgres would refuse the query that it makes, SQLite would find nothing."""
+    parts = {"path": request.scope["path"], "query": unquote_to_bytes(request.scope["query_string"]).decode("latin-1")}
+    faults = [Fault(where, "holds a NUL character") for where, text in parts.items() if "\x00" in text]
+    if faults:
+        return _problem_response(Invalid(f"the request has {len(faults)} fault(s)", faults))
+    return await answer(request)
 
 
 async def _logged(request: Request, answer: Callable[[Request], Awaitable[Response]]) -> Response:

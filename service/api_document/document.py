@@ -88,8 +88,8 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("DELETE", "/records/{record_id}"): (409, 503),
     ("POST", "/pumps"): (409,),
     ("POST", "/aircraft"): (409,),
-    ("POST", "/pump-types"): (409,),
-    ("PATCH", "/pumps/{serial}"): (409, 503),
+    ("POST", "/pump-types"): (400, 409, 413, 415),
+    ("PATCH", "/pumps/{serial}"): (503,),
     ("PATCH", "/aircraft/{name}"): (503,),
     ("GET", "/pumps/{serial}/verdict"): (503,),
     ("POST", "/pumps/{serial}/installations"): (409, 503),
@@ -102,6 +102,8 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("DELETE", "/operators/{operator}"): (409,),
 }
 """Answers beyond those that follow from a route's shape: 401, 403, 422 and, with a name in its path, 404."""
+_GUARDED_READS = ("/audit", "/keys", "/mappings/{name}", "/operators", "/users", "/webhooks")
+"""What not everybody may read; of other reads a foreign name is one that does not exist."""
 _RECORD: dict[str, Any] = {
     "pump_serial": "P-7",
     "aircraft": "F-HCAA",
@@ -127,7 +129,9 @@ _BODIES: Mapping[tuple[str, str], Mapping[str, Any]] = {
     ("POST", "/registry/{kind}.csv"): {"text/csv": "serial,pump_type\nP-7,h225\n"},
 }
 """Bodies that are no JSON document of ours, shortened: a real record lasts minutes."""
-_WITHOUT_FORBIDDEN = ("/twin/", "/thresholds/keys")
+_WITHOUT_FORBIDDEN = ("/twin/",)
+_ALL_NAMES_KNOWN = "/registry/{kind}.csv"
+"""Another name in its path is refused as one that the document does not have."""
 
 
 def openapi_document(app: FastAPI) -> dict[str, Any]:
@@ -188,9 +192,9 @@ def _problems(method: str, path: str, has_input: bool) -> list[int]:
         return [500]
     short = path.removeprefix(_API.rstrip("/"))
     statuses = {401, 500, *_FURTHER.get((method, short), ())}
-    if not short.startswith(_WITHOUT_FORBIDDEN):
+    if short.startswith(_GUARDED_READS) if method == "GET" else not short.startswith(_WITHOUT_FORBIDDEN):
         statuses.add(403)
-    if "{" in path:
+    if "{" in path and short != _ALL_NAMES_KNOWN:
         statuses.add(404)
     if has_input:
         statuses.add(422)
