@@ -205,7 +205,7 @@ def test_transient_pump_through_its_sensors() -> None:
 
 def test_bursts_without_samples_scatter_as_the_pipeline_does() -> None:
     """Same mean and same spread of every amplitude, within the errors of so many."""
-    n_bursts = 60
+    n_bursts = 36
     answers = [found(synthetic(seed=s, quantum=350.0 / 4096)) for s in range(100, 100 + n_bursts)]
     real = np.array([[[a.channels[c].line(o).amplitude_bar for o in LINES] for c in PRESSURES] for a in answers])
     true = np.array([[LINES[o][k] for o in LINES] for k in range(2)])
@@ -214,8 +214,8 @@ def test_bursts_without_samples_scatter_as_the_pipeline_does() -> None:
     spread = told.std(axis=0)
     assert np.all(np.abs(real.mean(axis=0) - told.mean(axis=0)) < 4.5 * spread / math.sqrt(n_bursts) + 0.003 * true)
     ratio = real.std(axis=0) / spread
-    # the spread of sixty has an error of 9 %
-    assert np.all((ratio > 0.65) & (ratio < 1.4)), ratio
+    # the spread of so many has an error of 12 %
+    assert np.all((ratio > 0.6) & (ratio < 1.5)), ratio
     assert error[0, 0, 0] == pytest.approx(math.sqrt(2.0 * (0.15**2 + (350.0 / 4096) ** 2 / 12.0) / 20_000.0))
 
 
