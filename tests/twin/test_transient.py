@@ -45,8 +45,7 @@ N = int(PUMP.piston.n)
             {"load_conductance_lpm_per_sqrt_bar": 2.8, "slipper_gap_scale[2]": 1.8},
         ),
         (LIFTED, Condition(4600, 50), Health(), {}),
-        # slower ones take CVODE half a minute: benchmarks/referee.py goes down to 920 rpm
-        (LIFTED, Condition(1500, 30, 0.0, 2.0), Health(), {}),
+        (LIFTED, Condition(920, 30, 0.0, 2.0), Health(), {}),
     ],
     ids=["zero flow", "hot, worn, 20 L/min", "slow", "fast and cold", "full flow, uneven", "lifted", "lifted, slow"],
 )
