@@ -8,6 +8,7 @@ import typer
 from rich.progress import Progress, track
 
 from service.console import complaints, console, failure
+from service.settings import Settings
 
 app = typer.Typer()
 
@@ -74,6 +75,41 @@ def identify(
     if not found.written:
         raise failure("the points determine no number of the pump; nothing was written")
     console.print(f"Parameter set: {output}", highlight=False, soft_wrap=True)
+
+
+@app.command()
+def learn_priors(
+    output: Annotated[Path, typer.Option(help="Parameter set to write: .toml", dir_okay=False)],
+    id_: Annotated[str, typer.Option("--id", help="Name of the new pump type")],
+    pump: Annotated[str, typer.Option(help="Pump type to learn for")] = "h225",
+    operator: Annotated[str | None, typer.Option(help="Learn from this operator's pumps only")] = None,
+) -> None:
+    """Learn how pumps differ from the healthy ones of the stored fleet, as a pump type that can be added."""
+    from service.app import opened  # noqa: PLC0415 - heavy, and only here
+    from service.errors import Problem  # noqa: PLC0415
+    from service.fleet_priors import learn, remarks  # noqa: PLC0415
+    from service.parameter_files import derived_toml  # noqa: PLC0415
+
+    if output.suffix.lower() != ".toml":
+        raise failure(f"--output {output}: ends not in .toml", 2)
+    try:
+        context = opened(Settings())
+    except RuntimeError as error:
+        raise failure(str(error)) from None
+    try:
+        found = learn(context, pump, id_, operator)
+        output.parent.mkdir(parents=True, exist_ok=True)
+        output.write_text(derived_toml(found.document, tuple(remarks(found))), encoding="utf-8")
+    except Problem as problem:
+        faults = "".join(f"\n  {f.where}: {f.problem}" for f in problem.errors)
+        raise failure(f"{problem.detail}{faults}") from None
+    except OSError as error:
+        raise failure(str(error)) from None
+    finally:
+        context.database.close()
+    for line in remarks(found):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    console.print(f"Parameter set: {output}; add it with POST /pump-types", highlight=False, soft_wrap=True)
 
 
 @app.command()
