@@ -160,6 +160,13 @@ def assessments_at(operator: str, aircraft: str, position: str) -> Select[Stored
     return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
 
 
+def newest_assessments(session: Session, pump_id: int, n: int) -> list[StoredAssessment]:
+    """A pump's newest ``n`` assessments in event order."""
+    query = select(StoredAssessment).where(StoredAssessment.pump_id == pump_id)
+    newest = query.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(n)
+    return list(session.scalars(newest))[::-1]
+
+
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
     """The newest assessment of each pump that has one."""
     # pump by pump from the end of the index: numbering the rows of whole histories grows with their length

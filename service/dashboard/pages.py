@@ -24,7 +24,7 @@ from service.monitoring.analysis import thresholds_of
 from service.monitoring.curve import curve_of
 from service.monitoring.forecast import forecast_of
 from service.monitoring.knowledge import entries
-from service.monitoring.trend import trend_of
+from service.monitoring.trend import points_of, trend_of
 from service.registry import findings
 from service.registry.findings import judged_findings, rates
 from service.routes.fleet import fleet
@@ -37,6 +37,7 @@ STATIC = StaticFiles(directory=_HERE / "static")
 page_router = APIRouter(include_in_schema=False)
 
 _MOST_ALARMS = 20
+_SPARK_RECORDS = 60
 _TRENDS = (
     "case_flow_at_reference_lpm",
     "pump_leakage_change_lpm",
@@ -107,7 +108,8 @@ def _fleet_body(request: Request, context: Context) -> _Body:
     with context.database.reading() as session:
         for document in pumps:
             row = queries.pump(session, asker, document["serial"], document["operator"])
-            items = trend_of(session, row, "case_flow_at_reference_lpm", None, None, 60)
+            newest = queries.newest_assessments(session, row.id, _SPARK_RECORDS)
+            items = points_of(newest, "case_flow_at_reference_lpm", None, None)
             flow = items[-1] if items else None
             label = f"case flow at the reference condition of {row.serial} over its last {len(items)} records"
             document["flow"] = flow

@@ -35,9 +35,9 @@ def test_a_side_is_named_by_its_faults_together() -> None:
 
 
 def test_a_fault_is_named_once_it_leads_alone() -> None:
-    assert [d.state for d in run(*[evidence(l=0.96, d=0.04)] * 3)][-1] is L
-    # 0.9 is enough for the side, not for the fault: the other fault of the side stays possible
-    assert run(*[evidence(p=0.9, l=0.1)] * 5)[-1].candidates == (P, C)
+    assert [d.state for d in run(*[evidence(l=0.97, d=0.03)] * 3)][-1] is L
+    # 0.93 is enough for the side, not for the fault: the other fault of the side stays possible
+    assert run(*[evidence(p=0.93, l=0.07)] * 5)[-1].candidates == (P, C)
 
 
 def test_the_pump_s_side_asks_for_more_than_the_circuit_s() -> None:

@@ -44,16 +44,9 @@ def test_an_address_that_cannot_be_stored_is_refused_everywhere(client: TestClie
     assert asked > 70
 
 
-@pytest.mark.parametrize(
-    "path",
-    [
-        "exports/nothing.csv",
-        "pump-types/nothing/reference-curve",
-        "jobs/nothing/result",
-    ],
-)
-def test_what_does_not_exist(client: TestClient, path: str) -> None:
-    problem(client.get(f"{API}/{path}"), 404)
+def test_what_does_not_exist(client: TestClient) -> None:
+    for path in ("exports/nothing.csv", "pump-types/nothing/reference-curve", "jobs/nothing/result"):
+        problem(client.get(f"{API}/{path}"), 404)
 
 
 def test_parquet_without_its_extra(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
