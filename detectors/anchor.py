@@ -55,6 +55,8 @@ COLUMNS: tuple[str, ...] = (
     "warmth",  # (fluid temperature - 50 degC) / 30 K
     "discharge_by_temperature",  # [bar/K]
     "case_by_temperature",
+    "discharge_by_load",  # [bar/(L/min)]
+    "case_by_load",
 )
 COLUMN = {name: i for i, name in enumerate(COLUMNS)}
 
@@ -142,6 +144,8 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     put("warmth", (celsius - 50.0) / 30.0)
     put("discharge_by_temperature", points.derivative("discharge_pressure_bar", "fluid_temperature_degc"))
     put("case_by_temperature", points.derivative("case_pressure_bar", "fluid_temperature_degc"))
+    put("discharge_by_load", points.derivative("discharge_pressure_bar", "discharge_flow_lpm"))
+    put("case_by_load", points.derivative("case_pressure_bar", "discharge_flow_lpm"))
     solved = points.status == 0
     rows[~solved] = np.nan
     return rows[:-1], solved[:-1]

@@ -1,7 +1,8 @@
 """What differs between pumps, aircraft and sensors: the components of the state, by number and by name.
 
-A filter's state holds them in their order, with a fault's amplitude and rate before those that only lines of a burst
-show: histories without bursts leave the tail of the state alone. What only a fault moves is no part of the state.
+A filter's state holds them in their order, with a fault's amplitude and rate before those that only lines of a burst or
+windows under load show: histories without them leave the tail of the state alone. What only a fault moves is no part of
+the state.
 """
 
 COMPONENTS: tuple[str, ...] = (
@@ -24,6 +25,11 @@ COMPONENTS: tuple[str, ...] = (
     "ln_ripple",  # order n of discharge pressure against the twin's, logarithm
     "ln_case_ripple",  # order n of case pressure against the twin's, logarithm
     "once",  # discharge pressure's line at once per revolution [bar]
+    "load_case",  # what the twin misses of both pressures in proportion to the load [bar at LOAD_LPM]
+    "load_case_square",  # and to its square [bar at LOAD_LPM]
+    "load_warmth",  # how the first changes per 30 K [bar at LOAD_LPM]
+    "load_discharge",  # what it misses of the discharge pressure on top of that [bar at LOAD_LPM]
+    "load_discharge_square",  # [bar at LOAD_LPM]
     "slipper_extra",  # leakage that came on top, with the slippers' temperature law [L/min at the reference]
     "laminar_extra",  # with the law of a laminar gap [L/min at the reference]
 )
@@ -48,6 +54,11 @@ N_COMPONENTS = len(COMPONENTS)
     LN_RIPPLE,
     LN_CASE_RIPPLE,
     ONCE,
+    LOAD_CASE,
+    LOAD_CASE_SQUARE,
+    LOAD_WARMTH,
+    LOAD_DISCHARGE,
+    LOAD_DISCHARGE_SQUARE,
     SLIPPER_EXTRA,
     LAMINAR_EXTRA,
 ) = range(N_COMPONENTS)
@@ -57,7 +68,9 @@ AMPLITUDE, RATE = LN_RIPPLE, LN_RIPPLE + 1
 """Places of a fault's amplitude and of its change per record in a filter's state."""
 N_LIVING = SLIPPER_EXTRA
 """Components that live in a filter's state; those after them are moved by faults alone."""
-N_SLOW, N_STATE = LN_RIPPLE + 2, N_LIVING + 2
-"""Size of the part of a state that means can show, and of the whole."""
+N_SLOW, N_LINES, N_STATE = LN_RIPPLE + 2, LOAD_CASE + 2, N_LIVING + 2
+"""Size of the part of a state that means at zero flow can show, of what lines show with it, and of the whole."""
+LOAD_LPM = 20.0
+"""Flow of the load at which its components are counted [L/min]."""
 PLACE = {name: i if i < LN_RIPPLE else i + 2 for name, i in INDEX.items()}
 """Places of the components in a filter's state; beyond N_STATE for those that only faults move."""

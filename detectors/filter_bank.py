@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.anchor import COLUMN
-from detectors.components import AMPLITUDE, N_COMPONENTS, N_SLOW, N_STATE, PLACE, RATE
+from detectors.components import AMPLITUDE, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
 from detectors.filter_kernel import N_MEASURED, ZERO, advance, step
 from detectors.filter_refit import fit_anew
 from detectors.filter_summary import ARRIVAL, RAMP, spawned
@@ -81,6 +81,7 @@ _BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_
 _OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
 _WARMTH = COLUMN["warmth"]
+_LOAD, _LEAST_LOAD_LPM = COLUMN["load_flow"], 1.0
 _WALK = walk_variance()
 
 
@@ -125,7 +126,7 @@ class Bank:
         Index into ``FAULT_KINDS`` (-1: healthy), ``STEP`` or ``RAMP``, and the record number at which the fault
         sets in, shape (M,).
     alive
-        How much of the state is alive: all, or N_SLOW as long as the history held no line.
+        How much of the state is alive: N_SLOW as long as the history held no line, N_LINES no window under load, all.
     log_evidence
         Log of prior times product of predictive densities, shape (M,).
     setting_at_onset
@@ -141,6 +142,7 @@ class Bank:
     log_evidence: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
     setting_at_onset: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
     alive: int = N_SLOW
+    lines_seen: bool = False
     n: int = 1
     records: int = 0
     reservoir_measured: bool = True
@@ -289,8 +291,9 @@ class Bank:
         self.regulation.pass_time()
 
     def _take(self, measurement: Measurement, iterations: int) -> None:
-        if measurement.seen[-1] > ZERO:
-            self.alive = N_STATE
+        lines, loaded = measurement.seen[-1] > ZERO, measurement.anchor[_LOAD] > _LEAST_LOAD_LPM
+        self.lines_seen = self.lines_seen or bool(lines)
+        self.alive = max(self.alive, N_STATE if loaded else N_LINES if lines else N_SLOW)
         step(
             self.mean,
             self.covariance,
@@ -329,7 +332,7 @@ class Bank:
     def _most_onsets(self) -> Integers:
         """How many onsets are kept by shape and kind: none of what this history cannot tell from another kind."""
         most = _MOST_ONSETS.copy()
-        if self.alive == N_SLOW:
+        if not self.lines_seen:
             most[:, _BY_LINES] = 0
         if not self.reservoir_measured:
             most[:, _OF_RESERVOIR] = 0

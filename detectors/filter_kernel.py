@@ -133,7 +133,7 @@ def take(
     seen, k
         Which of the six were measured, in rising order: the first k entries.
     n
-        How much of the state is alive: all, or N_SLOW where the history never held a line.
+        How much of the state is alive (``Bank.alive``).
     iterations
         How often the twin is linearised anew about the updated state.
     point

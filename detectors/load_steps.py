@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from detectors.signature import LoadStep
+from detectors.signature import Droop, LoadStep
 from detectors.statistics import mean_with_error, without_spikes
 from twin.parameters import PumpType
 from twin.recording import Recording
@@ -61,6 +61,29 @@ def load_steps(recording: Recording, pump: PumpType) -> tuple[LoadStep, ...]:
         if one is not None:
             found.append(one)
     return tuple(found)
+
+
+def droop_from_rest(recording: Recording, pump: PumpType) -> Droop | None:
+    """Droop from the record's load steps between zero and a known flow, averaged by their errors; None without any.
+
+    Steps between two flows are left out: the droop is not quite a straight line.
+    """
+    if not any(f in recording and np.isfinite(recording[f]).any() for f in _FLOWS):
+        return None
+    slopes, weights, flows = [], [], []
+    for step in load_steps(recording, pump):
+        before, change = step.flow_before_lpm, step.flow_change_lpm
+        droop, error = step.droop_bar_per_lpm, step.droop_error_bar_per_lpm
+        if before is None or change is None or droop is None or not error:
+            continue
+        if min(abs(before), abs(before + change)) < SMALLEST_FLOW_LPM:
+            slopes.append(droop)
+            weights.append(error**-2.0)
+            flows.append(abs(change))
+    if not slopes:
+        return None
+    flow = float(np.average(flows, weights=weights))
+    return Droop(flow, flow * float(np.average(slopes, weights=weights)), flow / math.sqrt(sum(weights)))
 
 
 def _measured_flow(recording: Recording) -> str:
@@ -138,6 +161,7 @@ def _step(
         droop_error = math.hypot(change_error / flow_change, droop * flow_error / flow_change)
     return LoadStep(
         float(time[edge]),
+        before.flow if math.isfinite(flow_change) else None,
         float(flow_change) if math.isfinite(flow_change) else None,
         change,
         change_error,

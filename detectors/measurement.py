@@ -11,7 +11,7 @@ from detectors.anchor import COLUMN, anchors
 from detectors.components import N_COMPONENTS
 from detectors.filter_bank import Measurement
 from detectors.filter_kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, RIPPLE, ZERO
-from detectors.observation import Observation, Residual, Window, WindowKind, Zero
+from detectors.observation import Mean, Observation, Residual, Window, WindowKind, Zero
 from detectors.reduced_twin import nominal_pressures
 from detectors.regulation import N_FEATURES, Feature
 from detectors.residuals import (
@@ -22,7 +22,7 @@ from detectors.residuals import (
     reservoir_noise_sd,
 )
 from detectors.ripple import CASE_RIPPLE_SD, LINE_SD_BAR, RIPPLE_SD, ripples, surfaces_of
-from detectors.signature import Spectrum
+from detectors.signature import Droop, Spectrum
 from detectors.type_correction import Correction, HealthyCurve, corrections
 from twin.condition import Condition
 from twin.parameters import Circuit, PumpType
@@ -30,7 +30,13 @@ from twin.parameters import Circuit, PumpType
 Array = NDArray[np.float64]
 
 MOST_WINDOWS = 3
-"""Windows of one record that are learnt from; a longer list adds hardly anything but correlated errors."""
+"""Zero-flow windows of one record that are learnt from, and windows under load; a longer list adds hardly anything but
+correlated errors."""
+LOAD_FLOW_SD_LPM = 0.3
+"""Estimate: the flow that a ground run's demand really makes, against what was commanded."""
+LOAD_CASE_SD_RELATIVE = 0.03
+"""Estimate: what both pressures miss under load from run to run, as a share of case above reservoir pressure (the return
+line's own temperature law, which nobody measured)."""
 NO_RIPPLE = np.zeros((2, N_COMPONENTS))
 _ORDER_N = ((RIPPLE, "discharge_pressure_bar", RIPPLE_SD), (CASE_RIPPLE, "case_pressure_bar", CASE_RIPPLE_SD))
 _FAINT = 3.0
@@ -60,6 +66,9 @@ def measured_windows(
 ) -> dict[str, Measured]:
     """Measurements of every record with an accepted zero-flow window that the twin can follow, by record.
 
+    Windows at constant flow count beside a zero-flow window of their record and come before it: the last window is the
+    one that the flight is judged by.
+
     ``bursts`` are the other records of the same flight that hold a spectrum, by the record that they belong to.
     ``healthy`` is the pump type's measured curve: where it reaches, it stands in for the nominal twin.
     """
@@ -78,8 +87,11 @@ def measured_windows(
         taken = earlier.measurements if earlier else ()
         # the zero is one measurement of the record, however many windows it has
         measurement = _corrected(_measurement(window, zero, anchor, pump, with_zero=not taken), shift)
-        residuals = _residuals(window, zero, anchor, pump, shift)
+        zero_flow = window.kind is WindowKind.ZERO_FLOW
+        residuals = _residuals(window, zero, anchor, pump, shift) if zero_flow else {}
         found[observation.record_id] = Measured((*taken, measurement), residuals, {}, shift.outside)
+    # what the twin follows under load only cannot be judged
+    found = {record: m for record, m in found.items() if m.residuals}
     return _with_lines(found, observations, bursts, conditions, windows, pump, circuit)
 
 
@@ -154,27 +166,56 @@ def _lines(
 
 
 def _judged(observation: Observation) -> list[Window]:
-    accepted = [w for w in observation.reduction.windows if w.accepted and w.kind is WindowKind.ZERO_FLOW]
-    return accepted[-MOST_WINDOWS:]
+    """Windows that the record is learnt from, those under load first; none without one at zero flow."""
+    accepted = [w for w in observation.reduction.windows if w.accepted]
+    zero_flow = [w for w in accepted if w.kind is WindowKind.ZERO_FLOW]
+    if not zero_flow:
+        return []
+    loaded = [w for w in accepted if w.kind is WindowKind.CONSTANT_FLOW]
+    droop = observation.reduction.droop
+    if not loaded and droop is not None:
+        loaded = [_stepped(zero_flow[-1], droop)]
+    return loaded[-MOST_WINDOWS:] + zero_flow[-MOST_WINDOWS:]
+
+
+def _stepped(zero_flow: Window, droop: Droop) -> Window:
+    """What load steps tell of the discharge pressure at constant flow, at the condition of the zero-flow window.
+
+    The case follows a step too slowly to count.
+    """
+    means = {name: mean for name, mean in zero_flow.means.items() if name != "case_pressure_bar"}
+    at_rest = zero_flow.means["discharge_pressure_bar"]
+    means["discharge_pressure_bar"] = Mean(
+        at_rest.mean - droop.fall_bar, math.hypot(at_rest.standard_error, droop.error_bar)
+    )
+    means["commanded_flow_lpm"] = Mean(droop.flow_lpm, 0.0)
+    return Window(WindowKind.CONSTANT_FLOW, zero_flow.start_s, zero_flow.end_s, True, None, means)
 
 
 def _measurement(window: Window, zero: Zero, anchor: Array, pump: PumpType, *, with_zero: bool) -> Measurement:
     values, noise = np.zeros(N_MEASURED), np.zeros((N_MEASURED, N_MEASURED))
     # the zero is a measurement of its own, so the case pressure enters with its offset still in it
     values[DISCHARGE] = window.means["discharge_pressure_bar"].mean
-    values[CASE] = window.means["case_pressure_bar"].mean
+    has_case = "case_pressure_bar" in window.means
+    if has_case:
+        values[CASE] = window.means["case_pressure_bar"].mean
+        noise[CASE, CASE] = case_noise_sd(window, pump) ** 2
     values[ZERO] = zero.offset_bar
     noise[DISCHARGE, DISCHARGE] = discharge_noise_sd(window, pump) ** 2
-    noise[CASE, CASE] = case_noise_sd(window, pump) ** 2
     noise[ZERO, ZERO] = zero.standard_deviation_bar**2
     slopes = np.array([anchor[COLUMN["discharge_by_temperature"]], anchor[COLUMN["case_by_temperature"]]])
     noise[:2, :2] += TEMPERATURE_SD_K**2 * np.outer(slopes, slopes)
+    if window.kind is WindowKind.CONSTANT_FLOW:
+        by_load = np.array([anchor[COLUMN["discharge_by_load"]], anchor[COLUMN["case_by_load"]]])
+        above_reservoir = nominal_pressures(anchor)[1] - anchor[COLUMN["reservoir"]]
+        noise[:2, :2] += LOAD_FLOW_SD_LPM**2 * np.outer(by_load, by_load)
+        noise[:2, :2] += (LOAD_CASE_SD_RELATIVE * above_reservoir) ** 2
     reservoir_measured = "reservoir_pressure_bar" in window.means
     if reservoir_measured:
         noise[:2, :2] += reservoir_noise_sd(window, pump) ** 2
-    seen = [DISCHARGE, CASE] + ([ZERO] if zero.measured and with_zero else [])
+    seen = [DISCHARGE] + [CASE] * has_case + [ZERO] * (zero.measured and with_zero)
     regulation = np.full(N_FEATURES, np.nan)
-    if window.scatter_bar is not None:
+    if window.scatter_bar is not None and window.kind is WindowKind.ZERO_FLOW:
         regulation[Feature.SCATTER] = math.log(window.scatter_bar)
     return Measurement(values, noise, np.array(seen), anchor, NO_RIPPLE, reservoir_measured, regulation)
 

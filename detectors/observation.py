@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 
-from detectors.signature import Spectrum
+from detectors.signature import Droop, Spectrum
 
 
 class WindowKind(StrEnum):
@@ -62,7 +62,8 @@ class Reduction:
     """All that the analysis keeps of one recording, in time order.
 
     ``explanation`` says in one sentence why a record without an accepted zero-flow window adds nothing;
-    None when there is one. ``flags`` are quality remarks. ``spectrum`` is None where the record is too slow for one.
+    None when there is one. ``flags`` are quality remarks. ``spectrum`` is None where the record is too slow for one,
+    ``droop`` where it holds no step of a known load.
     """
 
     zero: Zero
@@ -70,6 +71,7 @@ class Reduction:
     explanation: str | None
     flags: tuple[str, ...] = ()
     spectrum: Spectrum | None = None
+    droop: Droop | None = None
 
     @property
     def zero_flow(self) -> Window | None:

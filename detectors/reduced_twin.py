@@ -125,7 +125,10 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     drop_c = drain_pressure_drop(Q_c, k_c, w_nu, w_Q, nu, anchor[_Q_REF])
     R_c = k_c * (w_nu * nu + 2.0 * w_Q * abs(Q_c) / anchor[_Q_REF] + 1.0 - w_nu - w_Q)
     P_c = anchor[_P_R] + full[c.RESERVOIR] + drop_i + drop_c + anchor[_WARMTH] * full[c.CASE_WARMTH]
-    y[0], y[1] = P_c + D, P_c
+    load = anchor[_Q_L] / c.LOAD_LPM
+    P_c += load * (full[c.LOAD_CASE] + load * full[c.LOAD_CASE_SQUARE] + anchor[_WARMTH] * full[c.LOAD_WARMTH])
+    missed = load * (full[c.LOAD_DISCHARGE] + load * full[c.LOAD_DISCHARGE_SQUARE])
+    y[0], y[1] = P_c + D + missed, P_c
 
     Q_c_by_D = (slip + lam) / D_0 + 0.5 * throttled / (root * D_0)
     Q_sys_by_D = 0.5 * sys_o / (np.sqrt(share) * _COUNTED) + sys_l * law_sys / _COUNTED
@@ -163,8 +166,12 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
         -leak_l * share,
         k_c * Q_c * w_nu * nu,
     )
-    for i in _UNSEEN:
+    _slope(slopes, c.LOAD_CASE, by, 0.0, 0.0, 0.0, 0.0, load)
+    _slope(slopes, c.LOAD_CASE_SQUARE, by, 0.0, 0.0, 0.0, 0.0, load * load)
+    _slope(slopes, c.LOAD_WARMTH, by, 0.0, 0.0, 0.0, 0.0, load * anchor[_WARMTH])
+    for i in (c.LOAD_DISCHARGE, c.LOAD_DISCHARGE_SQUARE, *_UNSEEN):
         slopes[0, i], slopes[1, i], slopes[2, i] = 0.0, 0.0, 0.0
+    slopes[0, c.LOAD_DISCHARGE], slopes[0, c.LOAD_DISCHARGE_SQUARE] = load, load * load
     return float(Q_c)
 
 

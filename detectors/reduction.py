@@ -1,10 +1,11 @@
-"""Reduce a recording to what the analysis keeps: the zero, the windows, the spectrum of what is sampled fast."""
+"""Reduce a recording to what the analysis keeps: the zero, the windows, the spectrum of what is sampled fast, the droop."""
 
 import math
 from collections.abc import Mapping
 
 import numpy as np
 
+from detectors.load_steps import droop_from_rest
 from detectors.observation import Reduction, Window, WindowKind
 from detectors.signature import Spectrum
 from detectors.spectrum import spectrum
@@ -15,7 +16,7 @@ from twin.recording import Recording
 
 
 def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[str, float]) -> Reduction:
-    """Zero, windows and spectrum of one recording; says in a sentence why it adds nothing when no window was accepted."""
+    """Zero, windows, spectrum and droop of one recording; says in a sentence why it adds nothing when no window was accepted."""
     zero, off = pump_off_zero(recording, pump, thresholds)
     windows = tuple(sorted((*off, *steady_windows(recording, pump, thresholds)), key=lambda w: w.start_s))
     flags = []
@@ -29,7 +30,8 @@ def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[s
         flags += [f"{name} does not change at all over the zero-flow window: stuck, or too coarse" for name in stuck]
     explanation = None if accepted else _explanation(recording, windows, pump)
     window = accepted[-1] if accepted else None
-    return Reduction(zero, windows, explanation, tuple(flags), _spectrum(recording, window, pump, thresholds))
+    lines = _spectrum(recording, window, pump, thresholds)
+    return Reduction(zero, windows, explanation, tuple(flags), lines, droop_from_rest(recording, pump))
 
 
 def _spectrum(
@@ -61,6 +63,8 @@ def _explanation(recording: Recording, windows: tuple[Window, ...], pump: PumpTy
             f"no steady zero-flow window: the longest candidate, {longest.start_s:.0f} to {longest.end_s:.0f} s, "
             f"was rejected because {longest.reason}"
         )
+    if any(w.accepted and w.kind is WindowKind.CONSTANT_FLOW for w in windows):
+        return "no zero-flow window: windows at constant flow count beside one at zero flow in the same record only"
     speed = recording["shaft_speed_rpm"]
     fastest = float(np.nanmax(speed)) if np.isfinite(speed).any() else 0.0
     needed = LOWEST_SPEED_FRACTION * pump.nominal_speed_rpm

@@ -129,8 +129,8 @@ class LoadStep:
     ----------
     at_s
         Instant of the step [s].
-    flow_change_lpm
-        Change of discharge flow [L/min]; None where neither the flow nor its command is recorded.
+    flow_before_lpm, flow_change_lpm
+        Discharge flow before the step and its change [L/min]; None where neither the flow nor its command is recorded.
     pressure_change_bar, pressure_error_bar
         Change of the steady discharge pressure and its one-sigma error [bar].
     droop_bar_per_lpm, droop_error_bar_per_lpm
@@ -144,6 +144,7 @@ class LoadStep:
     """
 
     at_s: float
+    flow_before_lpm: float | None
     flow_change_lpm: float | None
     pressure_change_bar: float
     pressure_error_bar: float
@@ -153,3 +154,12 @@ class LoadStep:
     recovery_s: float
     recovery_error_s: float
     band_bar: float
+
+
+@dataclass(frozen=True, slots=True)
+class Droop:
+    """Fall of the steady discharge pressure from zero flow to ``flow_lpm``, and its one-sigma error [bar]."""
+
+    flow_lpm: float
+    fall_bar: float
+    error_bar: float

@@ -177,6 +177,11 @@ _WALK: dict[str, float] = {
     "ln_ripple": 0.001,
     "ln_case_ripple": 0.002,
     "once": 0.002,
+    "load_case": 0.001,
+    "load_case_square": 0.001,
+    "load_warmth": 0.0005,
+    "load_discharge": 0.01,
+    "load_discharge_square": 0.01,
 }
 """One-sigma change of each component from record to record of a healthy pump (estimates, held against the studies of
 ``benchmarks/results``; the zero's: 0.06 bar over some hundred flights)."""
@@ -216,6 +221,12 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
         "ln_ripple": 0.2,
         "ln_case_ripple": 0.3,
         "once": 0.03,
+        # of 1.2 bar that 20 L/min make in the return line, and of the 2 bar that they cost the regulated pressure
+        "load_case": 0.15,
+        "load_case_square": 0.15,
+        "load_warmth": 0.12,
+        "load_discharge": 0.3,
+        "load_discharge_square": 0.3,
     }
     for name, value in spread.items():
         sd[PLACE[name]] = value

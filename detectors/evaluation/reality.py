@@ -77,6 +77,7 @@ class Flights:
     """Where that ripple lies [Hz]."""
     rows: Array
     """Inputs of the operating point, shape (n_pumps, n_flights, len(INPUTS))."""
+    circuit: Circuit
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,7 @@ def fleet(
         once,
         *regulation(courses, (temperature - 50.0) / 30.0, rng.spawn(1)[0]),
         rows,
+        circuit,
     )
 
 

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from detectors.evaluation.ground_runs import GroundRuns
 from detectors.evaluation.reality import Course
 from detectors.evaluation.sensing import Sensing
 from detectors.verdict import State
@@ -174,6 +175,11 @@ class Row:
         return not isinstance(self.course, SideBySide)
 
     @property
+    def is_pooled(self) -> bool:
+        """Whether the row is one of those that calibration and confusion are counted over: others say the same twice."""
+        return self.is_single and not self.in_class and self.sensing.ground_runs is None
+
+    @property
     def in_class(self) -> bool:
         """Whether the world is the judge's own, which says nothing of other worlds: such rows are never pooled."""
         return isinstance(self.course, SmallStep)
@@ -263,5 +269,13 @@ def with_burst(rows: Sequence[Row]) -> tuple[Row, ...]:
     return tuple(replace(r, name=r.name + BURST, sensing=replace(r.sensing, burst=True)) for r in rows)
 
 
-ROWS: tuple[Row, ...] = (*PLAIN_ROWS, *with_burst(PLAIN_ROWS))
-"""With one 1 Hz zero-flow window a flight, and with a burst in it."""
+GROUND_RUNS = "; ground runs"
+"""Rows in which every tenth flight holds windows at 10 and 20 L/min behind the one at zero flow."""
+_WITH_GROUND_RUNS = (HEALTHY, "pump leakage 0.6 L/min", "system leakage 3 L/min", "drain +30 %")
+GROUND_RUN_ROWS: tuple[Row, ...] = tuple(
+    replace(r, name=r.name + GROUND_RUNS, sensing=replace(r.sensing, ground_runs=GroundRuns(10)))
+    for r in PLAIN_ROWS
+    if r.name in _WITH_GROUND_RUNS
+)
+ROWS: tuple[Row, ...] = (*PLAIN_ROWS, *with_burst(PLAIN_ROWS), *GROUND_RUN_ROWS)
+"""With one 1 Hz zero-flow window a flight, with a burst in it, and some with ground runs."""

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.evaluation.ground_runs import GroundRuns, loaded_windows, pressures_under_load
 from detectors.evaluation.reality import Flights, drawn_by_aircraft
 from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
 from detectors.signature import ChannelSpectrum, OrderLine, Spectrum
@@ -40,6 +41,7 @@ class Sensing:
     burst: bool = False
     """A burst of 2 s at 10 kHz in the zero-flow window: 12-bit converters over 350 and 5 bar, white noise of 0.15 bar
     and 3 mbar, which dithers the coarser step of 85 mbar."""
+    ground_runs: GroundRuns | None = None
 
 
 def histories(
@@ -79,6 +81,7 @@ def histories(
     lines = _burst_lines(flights, pump, rng) if sensing.burst else None
     scatter, ripple, frequency = _regulation(flights, rng.spawn(1)[0])
     discharge += scatter / np.sqrt(_SAMPLES) * rng.spawn(1)[0].normal(size=shape)
+    under_load = _under_load(flights, pump, sensing, offset, rng.spawn(1)[0], moved_at) if sensing.ground_runs else None
     result = []
     for i in range(n_pumps):
         observations = []
@@ -92,6 +95,10 @@ def histories(
             if sensing.reservoir_measured:
                 means["reservoir_pressure_bar"] = Mean(float(flights.reservoir[i, j] + reservoir_error[i, j]), 0.001)
             window = Window(WindowKind.ZERO_FLOW, 60.0, 120.0, True, None, means, float(scatter[i, j]))
+            windows: tuple[Window, ...] = (window,)
+            if sensing.ground_runs is not None and under_load is not None and j % sensing.ground_runs.every == 0:
+                flows = sensing.ground_runs.flows_lpm
+                windows += loaded_windows(window, flows, under_load[0][i, j], under_load[1][i, j])
             found = Zero(0.0, pump.population["case_zero_bar"].value, False)
             if has_zero[i, j]:
                 found = Zero(float(zero[i, j]), 0.008 if sensing.reservoir_measured else 0.1, True)
@@ -104,7 +111,7 @@ def histories(
                     flight_id=str(j),
                     reduction=Reduction(
                         found,
-                        (window,),
+                        windows,
                         None,
                         spectrum=None
                         if lines is None
@@ -115,6 +122,17 @@ def histories(
             )
         result.append(History(tuple(observations)))
     return result
+
+
+def _under_load(
+    flights: Flights, pump: PumpType, sensing: Sensing, offset: Array, rng: np.random.Generator, moved_at: int | None
+) -> tuple[Array, Array]:
+    """Measured discharge and case pressure of the ground runs, shapes (n_pumps, n_flights, n_flows)."""
+    if sensing.ground_runs is None:
+        raise ValueError("no ground runs are flown")
+    discharge, case = pressures_under_load(sensing.ground_runs, flights, pump, rng, moved_at)
+    discharge += rng.normal(0.0, sensing.discharge_repeatability, discharge.shape)
+    return discharge, case + offset[..., None] + rng.normal(0.0, sensing.case_repeatability, case.shape)
 
 
 def _regulation(flights: Flights, rng: np.random.Generator) -> tuple[Array, Array, Array]:

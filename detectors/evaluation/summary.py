@@ -119,7 +119,7 @@ def row_result(row: Row, outcomes: Mapping[Reality, Outcome], healthy: Seen | No
         everything |= life_scores(whole, row.limit, seed)
     if row.in_class:
         everything |= delay_scores(whole, seed)
-    table = calibration(whole) if row.is_single and not row.in_class else None
+    table = calibration(whole) if row.is_pooled else None
     if table is not None:
         everything |= _errors([table], seed, None)
     curve, operating = None, None
@@ -183,7 +183,7 @@ def side_confusion(results: Sequence[RowResult], *, burst: bool) -> dict[Side, d
     """Pumps by the side of the truth and the side of their last verdict, over the rows with one right answer."""
     table: dict[Side, dict[Side, int]] = {}
     for result in results:
-        if result.row.is_single and not result.row.in_class and result.row.sensing.burst is burst:
+        if result.row.is_pooled and result.row.sensing.burst is burst:
             line = table.setdefault(SIDE_OF[result.row.truth], dict.fromkeys(Side, 0))
             for side, n in result.confusion.items():
                 line[side] += n

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from detectors.evaluation.delays import ALARM, CHART, excess
 from detectors.evaluation.lives import covered_at, near_at
-from detectors.evaluation.rows import BURST, HEALTHY, LIFE, LONG_LIFE, SMALL_STEP, SMALL_STEP_KINDS
+from detectors.evaluation.rows import BURST, GROUND_RUNS, HEALTHY, LIFE, LONG_LIFE, SMALL_STEP, SMALL_STEP_KINDS
 from detectors.evaluation.scoring import (
     ACCUSED,
     COVERED,
@@ -104,6 +104,7 @@ _CALIBRATED = (
     "bins of equal mass"
 )
 _FROM_ONSET = "older reading: a fault is true from its onset on, seen or not; every row with the same weight"
+_OWN = "of ours beside the table that was asked: the burst's figures where there are any, else the window's"
 _FADES = (
     "steps not found count up to the end of the row; what is unknown wanders, so that a step fades: see beside it what a "
     "detector reaches that knows size and course"
@@ -135,6 +136,20 @@ TARGETS: tuple[Target, ...] = (
     Target(_DRAIN, False, ever(Side.PUMP), high=0.05),
     Target(_DRAIN, False, RIGHT_OR_CANDIDATE, low=0.98),
     Target(_DRAIN, True, at_end(State.DRAIN_RESTRICTION), low=0.90),
+    Target(HEALTHY + GROUND_RUNS, False, FALSE_ALARMS, high=1.0, scope=Scope.EACH, note=_OWN),
+    Target(_LEAK + GROUND_RUNS, False, at_end(Side.PUMP), low=0.80, note=_OWN),
+    Target(_LEAK + GROUND_RUNS, False, at_end(Side.SYSTEM), high=0.02, note=_OWN),
+    *(
+        target
+        for scope in (Scope.ORIFICE, Scope.LAMINAR)
+        for target in (
+            Target(_SYSTEM + GROUND_RUNS, False, at_end(Side.SYSTEM), low=0.90, scope=scope, note=_OWN),
+            Target(_SYSTEM + GROUND_RUNS, False, at_end(Side.PUMP), high=0.03, scope=scope, note=_OWN),
+        )
+    ),
+    Target(_DRAIN + GROUND_RUNS, False, PUMP_FROM_30, high=0.02, note=_OWN),
+    Target(_DRAIN + GROUND_RUNS, False, ever(Side.PUMP), high=0.05, note=_OWN),
+    Target(_DRAIN + GROUND_RUNS, False, RIGHT_OR_CANDIDATE, low=0.98, note=_OWN),
     *_least("setting 1.5 bar", at_end(State.COMPENSATOR_FAULT), 0.95),
     *_least("setting 3 bar", at_end(State.COMPENSATOR_FAULT), 0.99),
     *(

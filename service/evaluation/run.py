@@ -71,14 +71,15 @@ def run(study: Study, folder: Path, workers: int, done: Callable[[int], None]) -
 
 def scored(study: Study, folder: Path, done: Callable[[], None]) -> Results:
     """Score a study whose chunks are all there; ``done`` is told of each row."""
-    healthy: dict[bool, Seen] = {}
+    healthy: dict[tuple[bool, bool], Seen] = {}
     rows = []
     # healthy pumps first: the ROC of every other row needs them
     for row in sorted(study.rows, key=lambda r: not r.by_records):
         outcomes = _outcomes(row, study, folder)
+        sensing = (row.sensing.burst, row.sensing.ground_runs is not None)
         if row.by_records and row.truth is State.HEALTHY:
-            healthy[row.sensing.burst] = seen(row, joined(list(outcomes.values())))
-        rows.append(row_result(row, outcomes, healthy.get(row.sensing.burst), study.seed))
+            healthy[sensing] = seen(row, joined(list(outcomes.values())))
+        rows.append(row_result(row, outcomes, healthy.get(sensing), study.seed))
         done()
     pools = tuple(p for p in (pooled(rows, study.seed, burst=burst) for burst in (False, True)) if p is not None)
     return Results(study, tuple(rows), pools, tuple(findings(rows, pools)))

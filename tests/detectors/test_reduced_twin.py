@@ -16,7 +16,11 @@ N = 400
 
 
 def conditions(rng: np.random.Generator) -> list[Condition]:
-    return [Condition(rng.normal(4600, 40), rng.uniform(20, 90), rng.uniform(0, 2.5)) for _ in range(N)]
+    """Half at zero flow, half at a constant flow of a ground run."""
+    return [
+        Condition(rng.normal(4600, 40), rng.uniform(20, 90), rng.uniform(0, 2.5), rng.choice([0.0, 0.0, 10.0, 20.0]))
+        for _ in range(N)
+    ]
 
 
 def own_state(rng: np.random.Generator) -> np.ndarray:
