@@ -59,6 +59,24 @@ COLUMNS: tuple[str, ...] = (
     "case_by_load",
 )
 COLUMN = {name: i for i, name in enumerate(COLUMNS)}
+_NEEDED = np.array(
+    [
+        INPUTS.index(name)
+        for name in (
+            "fluid_temperature_degc",
+            "discharge_flow_lpm",
+            "slipper_leakage_scale",
+            "piston_leakage_scale",
+            "port_plate_leakage_scale",
+            "control_bleed_lpm",
+            "system_leakage_lpm",
+            "pressure_setting_change_bar",
+            "droop_scale",
+            "throttled_leakage_lpm",
+        )
+    ]
+)
+"""Inputs that an anchor is differentiated by; the others' columns stay NaN."""
 
 
 def reference_condition(pump: PumpType) -> Condition:
@@ -154,16 +172,23 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
 def _solved_apart(pump: Pump, inputs: Array, circuit: Circuit) -> OperatingPoints:
     """Operating points with derivatives, each from a cold start: a window's anchor may not depend on its neighbours."""
     n = len(inputs)
-    values, slopes = np.empty((n, len(OUTPUTS))), np.empty((n, len(OUTPUTS), len(INPUTS)))
+    values, slopes = np.empty((n, len(OUTPUTS))), np.full((n, len(OUTPUTS), len(INPUTS)), np.nan)
     status = np.zeros(n, dtype=np.int64)
-    _solve_each(pump, circuit, inputs, np.zeros(n), values, slopes, status)
+    _solve_each(pump, circuit, inputs, np.zeros(n), values, _NEEDED, slopes, status)
     return OperatingPoints(inputs, values, slopes, status)
 
 
 @compiled
 def _solve_each(
-    pump: Pump, circuit: Circuit, rows: Array, k_d: Array, values: Array, slopes: Array, status: NDArray[np.int64]
+    pump: Pump,
+    circuit: Circuit,
+    rows: Array,
+    k_d: Array,
+    values: Array,
+    by: NDArray[np.int64],
+    slopes: Array,
+    status: NDArray[np.int64],
 ) -> None:
     for i in range(len(rows)):
         row = slice(i, i + 1)
-        solve_batch(pump, circuit, rows[row], k_d[row], values[row], slopes[row], status[row])
+        solve_batch(pump, circuit, rows[row], k_d[row], values[row], by, slopes[row], status[row])

@@ -43,6 +43,10 @@ _FIRST_RECORDS = 5
 _FIRST_ITERATIONS = 3
 _FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 """Records after which every filter is fitted to its whole history anew (``detectors.filter_refit``)."""
+_LONG, _HOPELESS = 24, -1.0
+"""Records of a history from which on only those are fitted anew that the data make no less likely than this [nat] against
+the healthy pump: fitting a long history is dear, and more than half of all filters lie
+below. No figure of the study changed with it."""
 _UNSEEN = np.full(N_FEATURES, np.nan)
 _UNSEEN.flags.writeable = False
 ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
@@ -80,6 +84,11 @@ _BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
 _BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
 _OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
+_AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
+_RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
+_RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
+_SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
+"""Walks from record to record by shape and kind, the healthy pump last."""
 _WARMTH = COLUMN["warmth"]
 _LOAD, _LEAST_LOAD_LPM = COLUMN["load_flow"], 1.0
 _WALK = walk_variance()
@@ -186,6 +195,8 @@ class Bank:
         self.learnt.append(measurements)
         self._accept()
         if self.records - self.base_records in _FITTED_ANEW_AT:
+            if self.records - self.base_records >= _LONG:
+                self._keep(self._worth_a_fit())
             self._fit_anew()
         settled = self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0
         # half a bar of unknown reservoir pressure is as much as a worn pump makes: without the sensor nobody can say
@@ -220,6 +231,13 @@ class Bank:
         self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.learnt[-1] = (*self.learnt[-1], measurement)
+
+    def _worth_a_fit(self) -> Integers:
+        """Filters that the data do not speak against; what is dropped begins anew with the next onset of its kind."""
+        kind, shape = self.kind[: self.n], self.shape[: self.n]
+        prior = np.where(kind == HEALTHY, 0.0, _LOG_PRIORS[shape, kind])
+        by_data = self.log_evidence[: self.n] - prior - self.log_evidence[0]
+        return np.flatnonzero((kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS))
 
     def _fit_anew(self) -> None:
         """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""
@@ -281,9 +299,7 @@ class Bank:
     def _wander(self) -> tuple[Array, Array, Array]:
         """Variance of each filter's amplitude, of its rate and of a setting that moves beside it, per record."""
         kinds, shape = self.kind[: self.n], self.shape[: self.n]
-        amplitude = (_AMPLITUDE_WALK[shape] * _SCALES[kinds]) ** 2
-        rate = np.where(shape == RAMP, (_RATE_WALK * _SCALES[kinds] / RAMP_RECORDS) ** 2, 0.0)
-        return amplitude, rate, np.where(_MOVES_SETTING[kinds], FREE_SETTING_WALK_BAR**2, 0.0)
+        return _AMPLITUDE_VARIANCE[shape, kinds], _RATE_VARIANCE[shape, kinds], _SETTING_VARIANCE[kinds]
 
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""

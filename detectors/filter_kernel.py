@@ -42,40 +42,49 @@ def place(j: int) -> int:
 
 @compiled
 def predicted(
-    state: Array, direction: Array, anchor: Array, ripple: Array, full: Array, slopes: Array, y: Array, H: Array
+    state: Array,
+    direction: Array,
+    anchor: Array,
+    ripple: Array,
+    full: Array,
+    slopes: Array,
+    y: Array,
+    H: Array,
+    n_rows: int = N_MEASURED,
 ) -> None:
     """What a state says the sensors show, ``y`` (6,), and its slopes ``H`` (6, N_SLOPES).
 
     ``direction`` (N_COMPONENTS,) is what the amplitude moves; ``ripple`` holds the relative slopes of order n of both
-    pressures by the components, shape (2, N_COMPONENTS); ``full`` and ``slopes`` are work space.
+    pressures by the components, shape (2, N_COMPONENTS); ``full`` and ``slopes`` are work space. Only the first
+    ``n_rows`` of ``H`` are needed, at least three; where no more are, those of the lines stay as they are.
     """
     for j in range(N_COMPONENTS):
         full[j] = direction[j] * state[AMPLITUDE]
         if j < N_LIVING:
             full[j] += state[place(j)]
     pressures(anchor, full, y, slopes)
-    H[:, :] = 0.0
+    H[:n_rows, :] = 0.0
     for j in range(N_COMPONENTS):
         H[0, place(j)], H[1, place(j)] = slopes[0, j], slopes[1, j]
     y[1] += full[CASE_OFFSET]
     H[1, CASE_OFFSET] = 1.0
     y[2] = full[CASE_OFFSET] + full[RESERVOIR]
     H[2, CASE_OFFSET], H[2, RESERVOIR] = 1.0, 1.0
-    for r in range(2):
-        gain = math.exp(full[LN_RIPPLE + r])
-        ratio = 1.0
-        for j in range(N_COMPONENTS):
-            ratio += ripple[r, j] * full[j]
-            H[3 + r, place(j)] = gain * ripple[r, j]
-        y[3 + r] = gain * ratio
-        H[3 + r, place(LN_RIPPLE + r)] += gain * ratio
-    y[LINE] = abs(full[ONCE])
-    H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
-    for i in range(N_MEASURED):
-        total = 0.0
-        for j in range(N_COMPONENTS):
-            total += H[i, place(j)] * direction[j]
-        H[i, AMPLITUDE] = total
+    if n_rows > RIPPLE:
+        for r in range(2):
+            gain = math.exp(full[LN_RIPPLE + r])
+            ratio = 1.0
+            for j in range(N_COMPONENTS):
+                ratio += ripple[r, j] * full[j]
+                H[3 + r, place(j)] = gain * ripple[r, j]
+            y[3 + r] = gain * ratio
+            H[3 + r, place(LN_RIPPLE + r)] += gain * ratio
+        y[LINE] = abs(full[ONCE])
+        H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
+    for j in range(N_COMPONENTS):
+        if direction[j] != 0.0:
+            for i in range(n_rows):
+                H[i, AMPLITUDE] += H[i, place(j)] * direction[j]
 
 
 @compiled
@@ -94,6 +103,26 @@ def _cholesky(A: Array, n: int) -> bool:
                 s -= A[i, k] * A[j, k]
             A[i, j] = s / A[j, j]
     return True
+
+
+@compiled
+def _less(P: Array, W: Array, k: int, n: int) -> None:
+    """``P -= W' W``, up to three rows of W at a time."""
+    for a in range(0, k, 3):
+        left = k - a
+        for i in range(n):
+            u = W[a, i]
+            if left >= 3:
+                v, w = W[a + 1, i], W[a + 2, i]
+                for j in range(n):
+                    P[i, j] -= u * W[a, j] + v * W[a + 1, j] + w * W[a + 2, j]
+            elif left == 2:
+                v = W[a + 1, i]
+                for j in range(n):
+                    P[i, j] -= u * W[a, j] + v * W[a + 1, j]
+            else:
+                for j in range(n):
+                    P[i, j] -= u * W[a, j]
 
 
 @compiled
@@ -151,7 +180,7 @@ def take(
     y, innovation, white = small[2 * N_MEASURED], small[2 * N_MEASURED + 1], small[2 * N_MEASURED + 2]
     log_density = 0.0
     for iteration in range(iterations):
-        predicted(point, direction, anchor, ripple, full, slopes, y, H)
+        predicted(point, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
         for a in range(k):
             ia = seen[a]
             innovation[a] = values[ia] - y[ia]
@@ -200,11 +229,7 @@ def take(
             for i in range(n):
                 W[a, i] *= factor
                 point[i] += W[a, i] * white[a]
-    for a in range(k):
-        for i in range(n):
-            factor = W[a, i]
-            for j in range(n):
-                P[i, j] -= factor * W[a, j]
+    _less(P, W, k, n)
     for i in range(n):
         m[i] = point[i]
     return log_density

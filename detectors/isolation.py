@@ -1,7 +1,7 @@
 """From the evidence of a bank to words: sequential alarm, the fault it names, or what remains possible."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -109,18 +109,19 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     )
     # what regulation shows is independent of the means: it stands against the pump that is healthy by them
     odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
-    for of in (sums, changed):
-        of[_COMPENSATOR] += of[-1] * odds
-    posterior = _shares(sums)
-    probabilities = {State.HEALTHY: float(posterior[-1])}
-    probabilities |= {f: float(p) for f, p in zip(FAULTS, posterior[:-1], strict=True)}
-    fault, healthy = float(changed[:-1].sum()), float(changed[-1])
+    *of_all, healthy_of_all = sums.tolist()
+    *faults, healthy = changed.tolist()
+    of_all[_COMPENSATOR] += healthy_of_all * odds
+    faults[_COMPENSATOR] += healthy * odds
+    posterior = _shares([healthy_of_all, *of_all])
+    probabilities = dict(zip((State.HEALTHY, *FAULTS), posterior, strict=True))
+    fault = sum(faults)
     return Evidence(
         # how a pump came is a question of its own: an alarm is raised by what changed since
         log_odds=math.log(max(fault, 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
         probabilities=probabilities,
         weights=weights,
-        shares={f: float(v) for f, v in zip(FAULTS, _shares(changed[:-1]), strict=True)},
+        shares=dict(zip(FAULTS, _shares(faults), strict=True)),
         arrival=arrival,
         together=together,
         moments=moments,
@@ -181,11 +182,10 @@ def _group(component: str) -> int:
     return next((i for i, names in enumerate(QUANTITIES.values()) if component in names), -1)
 
 
-def _shares(sums: Array) -> Array:
+def _shares(sums: Sequence[float]) -> list[float]:
     """Sums of evidence as shares that add up to 1; all alike where there is none."""
-    whole = float(sums.sum())
-    shares: Array = sums / whole if whole > 0.0 else np.full(len(sums), 1.0 / len(sums))
-    return shares
+    whole = sum(sums)
+    return [s / whole for s in sums] if whole > 0.0 else [1.0 / len(sums)] * len(sums)
 
 
 _COMPENSATOR = FAULTS.index(State.COMPENSATOR_FAULT)

@@ -37,6 +37,8 @@ LOAD_FLOW_SD_LPM = 0.3
 LOAD_CASE_SD_RELATIVE = 0.03
 """Estimate: what both pressures miss under load from run to run, as a share of case above reservoir pressure (the return
 line's own temperature law, which nobody measured)."""
+_DISCHARGE_BY_K, _CASE_BY_K = COLUMN["discharge_by_temperature"], COLUMN["case_by_temperature"]
+_DISCHARGE_BY_LOAD, _CASE_BY_LOAD = COLUMN["discharge_by_load"], COLUMN["case_by_load"]
 NO_RIPPLE = np.zeros((2, N_COMPONENTS))
 _ORDER_N = ((RIPPLE, "discharge_pressure_bar", RIPPLE_SD), (CASE_RIPPLE, "case_pressure_bar", CASE_RIPPLE_SD))
 _FAINT = 3.0
@@ -203,16 +205,21 @@ def _measurement(window: Window, zero: Zero, anchor: Array, pump: PumpType, *, w
     values[ZERO] = zero.offset_bar
     noise[DISCHARGE, DISCHARGE] = discharge_noise_sd(window, pump) ** 2
     noise[ZERO, ZERO] = zero.standard_deviation_bar**2
-    slopes = np.array([anchor[COLUMN["discharge_by_temperature"]], anchor[COLUMN["case_by_temperature"]]])
-    noise[:2, :2] += TEMPERATURE_SD_K**2 * np.outer(slopes, slopes)
+    # what moves both pressures: by how much for one standard deviation
+    shared = [(TEMPERATURE_SD_K * anchor[_DISCHARGE_BY_K], TEMPERATURE_SD_K * anchor[_CASE_BY_K])]
     if window.kind is WindowKind.CONSTANT_FLOW:
-        by_load = np.array([anchor[COLUMN["discharge_by_load"]], anchor[COLUMN["case_by_load"]]])
-        above_reservoir = nominal_pressures(anchor)[1] - anchor[COLUMN["reservoir"]]
-        noise[:2, :2] += LOAD_FLOW_SD_LPM**2 * np.outer(by_load, by_load)
-        noise[:2, :2] += (LOAD_CASE_SD_RELATIVE * above_reservoir) ** 2
+        return_line = LOAD_CASE_SD_RELATIVE * (nominal_pressures(anchor)[1] - anchor[COLUMN["reservoir"]])
+        flow = LOAD_FLOW_SD_LPM
+        shared += [(flow * anchor[_DISCHARGE_BY_LOAD], flow * anchor[_CASE_BY_LOAD]), (return_line, return_line)]
     reservoir_measured = "reservoir_pressure_bar" in window.means
     if reservoir_measured:
-        noise[:2, :2] += reservoir_noise_sd(window, pump) ** 2
+        reservoir = reservoir_noise_sd(window, pump)
+        shared.append((reservoir, reservoir))
+    for discharge, case in shared:
+        noise[DISCHARGE, DISCHARGE] += discharge * discharge
+        noise[CASE, CASE] += case * case
+        noise[DISCHARGE, CASE] += discharge * case
+    noise[CASE, DISCHARGE] = noise[DISCHARGE, CASE]
     seen = [DISCHARGE] + [CASE] * has_case + [ZERO] * (zero.measured and with_zero)
     regulation = np.full(N_FEATURES, np.nan)
     if window.scatter_bar is not None and window.kind is WindowKind.ZERO_FLOW:
@@ -234,7 +241,7 @@ def _residuals(window: Window, zero: Zero, anchor: Array, pump: PumpType, shift:
     discharge, case = nominal_pressures(anchor)
     case += shift.case_bar
     reservoir = reservoir_noise_sd(window, pump)
-    by_temperature = TEMPERATURE_SD_K * anchor[[COLUMN["discharge_by_temperature"], COLUMN["case_by_temperature"]]]
+    by_temperature = (TEMPERATURE_SD_K * float(anchor[_DISCHARGE_BY_K]), TEMPERATURE_SD_K * float(anchor[_CASE_BY_K]))
     measured_case = window.means["case_pressure_bar"].mean - zero.offset_bar
     measured = window.means["discharge_pressure_bar"].mean
     noise_case = math.hypot(

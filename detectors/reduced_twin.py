@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from detectors import components as c
 from detectors.anchor import COLUMN
 from twin.compiled import compiled
-from twin.laws.bench import drain_pressure_drop, return_pressure_drop
+from twin.laws.bench import drain_pressure_drop, return_pressure_drop_with_slope
 
 Array = NDArray[np.float64]
 
@@ -113,11 +113,9 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     Q_sys = sys_o * np.sqrt(share) + sys_l * law_sys * share
     shared = anchor[_SHARED]
     Q_i = anchor[_Q_L] + Q_sys + shared * Q_c
-    h = 1.0e-3
-    drop_i = return_pressure_drop(Q_i, anchor[_K_INF], anchor[_K], anchor[_GAMMA])
-    R_i = (return_pressure_drop(Q_i + h, anchor[_K_INF], anchor[_K], anchor[_GAMMA]) - drop_i) / h
-    if shared < 0.5:
-        drop_i, R_i = 0.0, 0.0
+    drop_i, R_i = 0.0, 0.0
+    if shared >= 0.5:
+        drop_i, R_i = return_pressure_drop_with_slope(Q_i, anchor[_K_INF], anchor[_K], anchor[_GAMMA])
     k_c = anchor[_DRAIN] * np.exp(full[c.LN_DRAIN])
     w_nu, nu_by = _weight(anchor[_W_NU] + full[c.DRAIN_VISCOSITY])
     w_Q, Q_by = _weight(anchor[_W_Q] + full[c.DRAIN_FLOW])

@@ -63,7 +63,7 @@ def operating_points(
     values = np.empty((n, len(OUTPUTS)))
     slopes = np.empty((n, len(OUTPUTS), len(INPUTS)) if derivatives else (0, 0, 0))
     status = np.zeros(n, dtype=np.int64)
-    solve_batch(pump, circuit, rows, k_d, values, slopes, status)
+    solve_batch(pump, circuit, rows, k_d, values, np.arange(len(INPUTS)), slopes, status)
     return OperatingPoints(rows, values, slopes if derivatives else None, status)
 
 

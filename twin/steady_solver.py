@@ -199,13 +199,15 @@ def solve_cold(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector,
 
 
 @compiled
-def differentiate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, n_out: int, D: Matrix) -> bool:
-    """Derivatives of the outputs by the inputs, D of shape (n_out, len(row)), at a solution ``u``.
+def differentiate(
+    pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, n_out: int, by: NDArray[np.int64], D: Matrix
+) -> bool:
+    """Derivatives of the outputs by the inputs ``by``, D of shape (n_out, len(row)), at a solution ``u``.
 
     With F(u, p) = 0: du/dp = -F_u^-1 F_p and dY/dp = Y_u du/dp + Y_p, the partials by forward differences: half the
     price of central ones, and a health input is never taken below the zero that it starts from.
     """
-    n_in = row.shape[0]
+    n_in = len(by)
     n = N_UNKNOWNS
     F_0, F_a = np.empty(n), np.empty(n)
     Y_0, Y_a = np.empty(n_out), np.empty(n_out)
@@ -222,7 +224,8 @@ def differentiate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vect
         u[j] = kept
         F_u[:, j] = (F_a - F_0) / _SLOPE_STEP
         Y_u[:, j] = (Y_a - Y_0) / _SLOPE_STEP
-    for j in range(n_in):
+    for place in range(n_in):
+        j = by[place]
         kept = row[j]
         h = _SLOPE_STEP * max(1.0, abs(kept))
         row[j] = kept + h
@@ -230,8 +233,8 @@ def differentiate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vect
         there = commute(pump, warmer, row, u) if _COMMUTES[j] else changes
         evaluate(pump, circuit, warmer, there, row, k_d, u, F_a, Y_a)
         row[j] = kept
-        F_p[:, j] = (F_0 - F_a) / h
-        Y_p[:, j] = (Y_a - Y_0) / h
+        F_p[:, place] = (F_0 - F_a) / h
+        Y_p[:, place] = (Y_a - Y_0) / h
     if not solve_in_place(F_u, F_p):
         return False
     for i in range(n_out):
@@ -239,7 +242,7 @@ def differentiate(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vect
             total = Y_p[i, j]
             for k in range(n):
                 total += Y_u[i, k] * F_p[k, j]
-            D[i, j] = total
+            D[i, by[j]] = total
     return True
 
 
@@ -266,10 +269,14 @@ def solve_batch(
     rows: Matrix,
     k_d: Vector,
     Y: Matrix,
+    by: NDArray[np.int64],
     D: NDArray[np.float64],
     status: NDArray[np.int64],
 ) -> None:
-    """Solve every row; a neighbour's failure costs nothing. ``D`` of shape (0, 0, 0) asks for no derivatives."""
+    """Solve every row; a neighbour's failure costs nothing.
+
+    ``D`` of shape (0, 0, 0) asks for no derivatives; else those by the inputs ``by`` are written, the rest is left.
+    """
     n_out = Y.shape[1]
     u = np.empty(N_UNKNOWNS)
     work = np.empty((WORK_ROWS, N_UNKNOWNS))
@@ -290,7 +297,7 @@ def solve_batch(
             else:
                 status[i] = DEMAND_TOO_HIGH if starved and not k_d[i] > 0.0 else NOT_CONVERGED
         warm = status[i] == SOLVED
-        if warm and D.shape[0] > 0 and not differentiate(pump, circuit, row, k_d[i], u, n_out, D[i]):
+        if warm and D.shape[0] > 0 and not differentiate(pump, circuit, row, k_d[i], u, n_out, by, D[i]):
             status[i] = NOT_CONVERGED
         if status[i] != SOLVED:
             Y[i, :] = np.nan

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.fluids import FLUIDS
-from twin.laws.bench import drain_pressure_drop, load_flow, return_pressure_drop
+from twin.laws.bench import drain_pressure_drop, load_flow, return_pressure_drop, return_pressure_drop_with_slope
 from twin.laws.fluid import (
     P_ATMOSPHERE,
     bulk_modulus,
@@ -103,6 +103,18 @@ class TestBenchTable34:
         drops = np.array([return_pressure_drop(q, k, K, gamma) for q in Q])
         assert drops == pytest.approx(-drops[::-1])
         assert drops / Q == pytest.approx(k * K, rel=1e-3)
+
+    @pytest.mark.parametrize("gamma", [0.75, 1.0])
+    def test_return_line_slope_is_that_of_the_drop(self, gamma: float) -> None:
+        """Against central differences, from nearly zero flow to beyond the rated one, in either direction."""
+        k, K = 0.00206 * BAR / LPM ** (1.0 + gamma), (22.8 * LPM) ** gamma
+        for q in (-28.0, -0.5, 0.3, 2.0, 11.0, 40.0):
+            Q, h = q * LPM, 1.0e-4 * LPM
+            drop, slope = return_pressure_drop_with_slope(Q, k, K, gamma)
+            assert drop == return_pressure_drop(Q, k, K, gamma)
+            difference = (return_pressure_drop(Q + h, k, K, gamma) - return_pressure_drop(Q - h, k, K, gamma)) / (2 * h)
+            assert slope == pytest.approx(difference, rel=1e-5)
+        assert return_pressure_drop_with_slope(0.0, k, K, gamma) == (0.0, pytest.approx(k * K))
 
     def test_load_inverts_its_own_law(self) -> None:
         k_d = 0.1866 * BAR / LPM**2

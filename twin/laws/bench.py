@@ -33,3 +33,16 @@ def return_pressure_drop(Q: float, k_inf: float, K: float, gamma: float) -> floa
     # ratio / tanh(ratio) -> 1 + ratio^2 / 3
     quotient = 1.0 + ratio * ratio / 3.0 if ratio < 1.0e-4 else ratio / math.tanh(ratio)
     return k_inf * K * Q * quotient
+
+
+@compiled
+def return_pressure_drop_with_slope(Q: float, k_inf: float, K: float, gamma: float) -> tuple[float, float]:
+    """``return_pressure_drop`` and its derivative by the flow [Pa, Pa/(m3/s)]."""
+    ratio = math.pow(abs(Q), gamma) / K
+    if ratio < 1.0e-4:
+        quotient, by_ratio = 1.0 + ratio * ratio / 3.0, 2.0 * ratio / 3.0
+    else:
+        tangent = math.tanh(ratio)
+        quotient = ratio / tangent
+        by_ratio = 1.0 / tangent - ratio * (1.0 - tangent * tangent) / (tangent * tangent)
+    return k_inf * K * Q * quotient, k_inf * K * (quotient + gamma * ratio * by_ratio)
