@@ -38,6 +38,7 @@ page_router = APIRouter(include_in_schema=False)
 
 _MOST_ALARMS = 20
 _SPARK_RECORDS = 60
+_PUMPS_PER_PAGE = 100
 _TRENDS = (
     "case_flow_at_reference_lpm",
     "pump_leakage_change_lpm",
@@ -73,9 +74,9 @@ _templates.filters |= FILTERS
 
 
 @page_router.get("/", response_class=HTMLResponse)
-def fleet_page(request: Request) -> Response:
-    """Who needs attention, why, since when."""
-    return _page(request, _fleet_body)
+def fleet_page(request: Request, page: int = 1) -> Response:
+    """Who needs attention, why, since when; a hundred pumps a page, the most urgent first."""
+    return _page(request, lambda r, c: _fleet_body(r, c, page))
 
 
 @page_router.get("/pumps/{serial}", response_class=HTMLResponse)
@@ -102,9 +103,15 @@ def html_page(template: str, status: int, values: dict[str, Any]) -> HTMLRespons
     return HTMLResponse(text, status_code=status, headers=SECURITY_HEADERS)
 
 
-def _fleet_body(request: Request, context: Context) -> _Body:
+def _fleet_body(request: Request, context: Context, page: int) -> _Body:
     asker = principal(request)
-    pumps = fleet(context, asker)
+    everyone = fleet(context, asker)
+    last = max(1, -(-len(everyone) // _PUMPS_PER_PAGE))
+    page = min(max(page, 1), last)
+    pumps = everyone[(page - 1) * _PUMPS_PER_PAGE : page * _PUMPS_PER_PAGE]
+    silent = [p for p in everyone if p["silent"]]
+    for document in everyone:
+        document["link"] = f"/pumps/{quote(document['serial'], '')}?operator={quote(document['operator'], '')}"
     with context.database.reading() as session:
         for document in pumps:
             row = queries.pump(session, asker, document["serial"], document["operator"])
@@ -115,9 +122,8 @@ def _fleet_body(request: Request, context: Context) -> _Body:
             document["flow"] = flow
             values = [i["value"] for i in items]
             document["spark"] = Markup(sparkline_svg(values, escape(label))) if items else ""  # noqa: S704
-            document["link"] = f"/pumps/{quote(row.serial, '')}?operator={quote(row.operator, '')}"
         agreement = rates(judged_findings(session, asker))
-    states = [p["state"] for p in pumps]
+    states = [p["state"] for p in everyone]
     counts = [(state, states.count(state)) for state in WORDS if state in states]
     return (
         "fleet.html",
@@ -126,8 +132,13 @@ def _fleet_body(request: Request, context: Context) -> _Body:
             "request": request,
             "pumps": pumps,
             "counts": counts,
-            "silent": [p for p in pumps if p["silent"]],
+            "silent": silent[:_PUMPS_PER_PAGE],
+            "n_silent": len(silent),
             "agreement": agreement,
+            "page": page,
+            "last_page": last,
+            "first_pump": (page - 1) * _PUMPS_PER_PAGE + 1,
+            "n_pumps": len(everyone),
         },
     )
 

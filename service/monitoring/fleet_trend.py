@@ -1,5 +1,6 @@
-"""Trends of a whole fleet, by pump type, operator, position or aircraft, thinned without losing extremes."""
+"""Trends of a whole fleet, by pump type, operator, position, aircraft or age, thinned without losing extremes."""
 
+import math
 from datetime import datetime
 from typing import Any, Literal
 
@@ -8,14 +9,17 @@ from sqlalchemy.orm import Session
 
 from service.monitoring.trend import thinned
 from service.security import Principal
-from service.tables import Pump, StoredAssessment
+from service.tables import Pump, Record, StoredAssessment
 
-GroupBy = Literal["pump_type", "operator", "position", "aircraft"]
+GroupBy = Literal["pump_type", "operator", "position", "aircraft", "age"]
+AGE_BAND_H = 500
+"""Flight hours of a pump that one group of the same age holds."""
 _COLUMNS = {
     "pump_type": Pump.pump_type,
     "operator": Pump.operator,
     "position": StoredAssessment.position,
     "aircraft": StoredAssessment.aircraft,
+    "age": Record.flight_hours,
 }
 _ROWS_AT_ONCE = 2000
 
@@ -29,7 +33,10 @@ def fleet_trend(
     until: datetime | None,
     most: int,
 ) -> list[dict[str, Any]]:
-    """Points of one metric in event order for each group, at most about ``most`` in each."""
+    """Points of one metric in event order for each group, at most about ``most`` in each.
+
+    By age a pump passes from group to group as it flies: what pumps of the same flight hours show lies together.
+    """
     group = _COLUMNS[group_by]
     query = (
         select(
@@ -41,6 +48,7 @@ def fleet_trend(
             Pump.operator,
         )
         .join(Pump, Pump.id == StoredAssessment.pump_id)
+        .join(Record, Record.id == StoredAssessment.record_id)
         .order_by(StoredAssessment.at, StoredAssessment.record_id)
     )
     if principal.operator is not None:
@@ -49,13 +57,11 @@ def fleet_trend(
         query = query.where(StoredAssessment.at >= since)
     if until is not None:
         query = query.where(StoredAssessment.at < until)
-    found: dict[str, list[dict[str, Any]]] = {}
-    for name, at, value, record_id, serial, operator in session.execute(
-        query.execution_options(yield_per=_ROWS_AT_ONCE)
-    ):
+    found: dict[tuple[float, str], list[dict[str, Any]]] = {}
+    for of, at, value, record_id, serial, operator in session.execute(query.execution_options(yield_per=_ROWS_AT_ONCE)):
         if not value or value["mean"] is None:
             continue
-        items = found.setdefault(name or "", [])
+        items = found.setdefault(_age_band(of) if group_by == "age" else (0.0, of or ""), [])
         items.append(
             {
                 "at": at,
@@ -73,5 +79,13 @@ def fleet_trend(
             "pumps": len({(i["operator"], i["pump_serial"]) for i in items}),
             "items": thinned(items, most),
         }
-        for name, items in sorted(found.items())
+        for (_, name), items in sorted(found.items())
     ]
+
+
+def _age_band(flight_hours: float | None) -> tuple[float, str]:
+    """Where an age stands among the groups, and its name; pumps of unknown age come last."""
+    if flight_hours is None:
+        return math.inf, "unknown"
+    first = AGE_BAND_H * int(flight_hours // AGE_BAND_H)
+    return first, f"{first} to {first + AGE_BAND_H} h"

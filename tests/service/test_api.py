@@ -1,5 +1,6 @@
 """Reading and administration: pumps, trends, curves, thresholds, keys, roles, tenancy, paging, operations."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -117,6 +118,28 @@ class TestPump:
 
 def test_an_empty_fleet_is_a_page_too(client: TestClient) -> None:
     assert "No pump has sent a record yet" in client.get("/").text
+
+
+def test_the_fleet_page_has_pages(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every pump stands on one page, and a page that is not there is the nearest one."""
+    monkeypatch.setattr("service.dashboard.pages._PUMPS_PER_PAGE", 3)
+    serials = [f"P-{i}" for i in range(7)]
+    put_records(client, serials)
+    pages = [client.get("/", params={"page": n}).text for n in (1, 2, 3)]
+    assert sorted(s for page in pages for s in serials if f">{s}</a><br>" in page) == serials
+    assert [re.findall(r"Pumps (\d+) to (\d+) of 7", page) for page in pages] == [
+        [("1", "3")],
+        [("4", "6")],
+        [("7", "7")],
+    ]
+    assert [('rel="prev"' in page, 'rel="next"' in page) for page in pages] == [
+        (False, True),
+        (True, True),
+        (True, False),
+    ]
+    assert client.get("/", params={"page": 99}).text == pages[2]
+    assert client.get("/", params={"page": -1}).text == pages[0]
+    assert client.get("/", params={"page": "two"}).status_code == 422
 
 
 def test_lists_are_paged_without_loss_or_repetition(client: TestClient) -> None:

@@ -8,6 +8,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from service.api_document.document import openapi_document, operations
+from service.mappings import latest_mapping
+from service.registry.ownership import owned_tables
 from service.tables import QUEUED, SUCCEEDED, Job, Record
 from tests.service.guarded import guarded_client, key
 from tests.service.records import body, document
@@ -105,3 +107,90 @@ def test_another_operator_s_mapping_is_nobody_s_business(database_url: str, tmp_
         url = f"{API}/mappings/preview?mapping=m&operator=south"
         problem(guarded.post(url, content=body(), headers={**JSON, **viewer}), 403)
         problem(guarded.get(f"{API}/mappings/m?operator=south", headers=viewer), 403)
+
+
+def test_what_moves_a_record_needs_its_bytes(client: TestClient) -> None:
+    """Another circuit means another twin: the record has to be read again. What fails so changes nothing."""
+    record = upload(client)
+    apart = {"aircraft": "F-APART", "circuit": "separate_drain"}
+    assert client.post(f"{API}/aircraft", json=apart).status_code == 201
+    entries = f"{API}/pumps/P-1/installations"
+    early = {"aircraft": "F-APART", "position": "LH", "from": "2020-01-01T00:00:00Z"}
+    always = client.post(entries, json=early).json()["id"]
+    late = {**early, "from": "2041-01-01T00:00:00Z"}
+    assert client.patch(f"{entries}/{always}", json={"to": "2040-01-01T00:00:00Z"}).status_code == 200
+    later = client.post(entries, json=late).json()["id"]
+    _lose(client, record)
+    place = client.get(f"{API}/records/{record}").json()["aircraft"]
+    before = client.get(entries).json()
+    problem(client.delete(f"{entries}/{always}"), 503)
+    problem(client.patch(f"{entries}/{always}", json={"to": "2020-02-01T00:00:00Z"}), 503)
+    problem(client.patch(f"{API}/aircraft/F-APART", json={"circuit": "shared_return"}), 503)
+    assert client.get(entries).json() == before
+    assert client.get(f"{API}/aircraft/F-APART").json()["circuit"] == "separate_drain"
+    assert client.get(f"{API}/records/{record}").json()["aircraft"] == place
+    assert client.delete(f"{entries}/{later}").status_code == 204
+
+
+def test_installing_a_pump_elsewhere_needs_its_bytes(client: TestClient) -> None:
+    _lose(client, upload(client))
+    assert client.post(f"{API}/aircraft", json={"aircraft": "F-APART", "circuit": "separate_drain"}).status_code == 201
+    entry = {"aircraft": "F-APART", "position": "LH", "from": "2020-01-01T00:00:00Z"}
+    before = client.get(f"{API}/pumps/P-1/installations").json()
+    problem(client.post(f"{API}/pumps/P-1/installations", json=entry), 503)
+    listed = b"pump,aircraft,position,from,to\nP-1,F-APART,LH,2020-01-01T00:00:00Z,\n"
+    problem(client.post(f"{API}/registry/installations.csv", content=listed, headers={"content-type": "text/csv"}), 503)
+    assert client.get(f"{API}/pumps/P-1/installations").json() == before
+
+
+def test_maintenance_on_records_of_an_older_reading_needs_their_bytes(client: TestClient) -> None:
+    """A record that was reduced by an older twin is reduced again when its pump is next folded."""
+    record = upload(client)
+    entries = f"{API}/pumps/P-1/maintenance"
+    event = {"at": "2020-01-01T00:00:00Z", "action": "filter_changed"}
+    entry = client.post(entries, json=event).json()["id"]
+    _lose(client, record)
+    with client.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
+        session.get_one(Record, record).reduced_with = "an older twin"
+    problem(client.post(entries, json={**event, "action": "fluid_changed"}), 503)
+    problem(client.patch(f"{entries}/{entry}", json={"at": "2020-02-01T00:00:00Z"}), 503)
+    problem(client.delete(f"{entries}/{entry}"), 503)
+    assert [e["id"] for e in client.get(entries).json()["items"]] == [entry]
+
+
+def _lose(client: TestClient, record: str) -> None:
+    context = client.app.state.context  # type: ignore[attr-defined]
+    with context.database.reading() as session:
+        assert context.raw_store.remove(session.get_one(Record, record).content_hash)
+
+
+def test_two_versions_of_a_mapping_at_the_same_moment(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever read version 1 a moment ago cannot store a second version 2."""
+    content = {"channels": [{"source": "P", "channel": "discharge_pressure_bar", "unit": "psi"}]}
+    assert client.post(f"{API}/mappings", json={"name": "m", **content}).status_code == 201
+    first = client.app.state.context.database  # type: ignore[attr-defined]
+    with first.reading() as session:
+        read = latest_mapping(session, "default", "m")
+    assert client.put(f"{API}/mappings/m", json=content, headers={"If-Match": '"1"'}).status_code == 200
+    monkeypatch.setattr("service.routes.mappings.latest_mapping", lambda *_: read)
+    problem(client.put(f"{API}/mappings/m", json=content, headers={"If-Match": '"1"'}), 409)
+    monkeypatch.undo()
+    assert client.get(f"{API}/mappings/m").json()["version"] == 2
+
+
+def test_an_upload_in_the_middle_of_a_deletion(
+    database_url: str, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A record that arrives after the records were deleted keeps its pump, and with it everything."""
+    with guarded_client(database_url, tmp_path) as guarded:
+        admin = key(guarded, "admin")
+        content = json.dumps({**document(), "operator": "north"}).encode()
+        record = guarded.post(f"{API}/records", content=content, headers={**JSON, **admin}).json()["record_id"]
+        kept = {name: table for name, table in owned_tables().items() if name != "records"}
+        monkeypatch.setattr("service.registry.deletion.owned_tables", lambda: kept)
+        ending = f"{API}/operators/north?confirm=north&reason=contract+ended"
+        assert "repeat" in problem(guarded.delete(ending, headers=admin), 409)["detail"]
+        monkeypatch.undo()
+        assert guarded.get(f"{API}/records/{record}", headers=admin).status_code == 200
+        assert guarded.delete(ending, headers=admin).status_code == 200
+        problem(guarded.get(f"{API}/records/{record}", headers=admin), 404)

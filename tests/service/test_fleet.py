@@ -11,7 +11,7 @@ from sqlalchemy import update
 from detectors.verdict import TREND_METRICS
 from service.alarms.ledger import follow
 from service.monitoring.analysis import thresholds_of
-from service.tables import StoredAssessment
+from service.tables import Record, StoredAssessment
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import day, pump_of, write_history
 
@@ -111,6 +111,19 @@ class TestTrend:
             assert len(group["items"]) == 29 * group["pumps"]
             instants = [i["at"] for i in group["items"]]
             assert instants == sorted(instants)
+
+    def test_ages_are_bands_of_flight_hours(self, guarded: TestClient, viewer: dict[str, str]) -> None:
+        """A pump passes from band to band as it flies; who does not say its hours stands apart."""
+        with guarded.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
+            for operator, serial, start in (("north", "1", 490.0), ("north", "2", 10.0)):
+                for i in range(30):
+                    session.get(Record, f"{operator}-{serial}-{i}").flight_hours = start + i
+        groups = self.get(guarded, viewer, group_by="age").json()["items"]
+        assert [(g["group"], g["pumps"], len(g["items"])) for g in groups] == [
+            ("0 to 500 h", 2, 9 + 29),
+            ("500 to 1000 h", 1, 20),
+            ("unknown", 1, 29),
+        ]
 
     def test_thinned_with_extremes_and_within_bounds(self, guarded: TestClient, viewer: dict[str, str]) -> None:
         (thin,) = self.get(guarded, viewer, points=8).json()["items"]
