@@ -19,6 +19,9 @@ ROOT = Path(__file__).resolve().parent.parent
 FULL_SCALES_BAR = (5.0, 10.0, 17.0)
 
 
+_COMPARED = ("records at 1 Hz", "with ground runs", "with bursts")
+
+
 def finite(value: object) -> object:
     """JSON without infinities: null where no size would do."""
     if isinstance(value, float):
@@ -34,6 +37,14 @@ def main() -> None:
     plans = {
         "records at 1 Hz": Plan(sensors_of(pump)),
         "with bursts": Plan(sensors_of(pump), burst=True),
+        "with ground runs": Plan(sensors_of(pump), ground_run_flows_lpm=(10.0, 20.0)),
+        "with ground runs on every flight": Plan(
+            sensors_of(pump), ground_run_flows_lpm=(10.0, 20.0), ground_run_every=1
+        ),
+        "long": Plan(sensors_of(pump), baseline_flights=100, flights=100),
+        "long, with ground runs": Plan(
+            sensors_of(pump), baseline_flights=100, flights=100, ground_run_flows_lpm=(10.0, 20.0)
+        ),
         "one temperature": Plan(sensors_of(pump), temperature_range_degc=(50.0, 50.0)),
     }
     found = {name: isolability(plan, pump, circuit) for name, plan in plans.items()}
@@ -71,7 +82,7 @@ def main() -> None:
     words = page.read_text(encoding="utf-8")
     words = filled(words, "sensors", sensor_lines(rows))
     words = filled(words, "ranges", sensor_lines([r for r in ranges if r.reservoir_measured]))
-    words = filled(words, "faults", fault_lines(found["records at 1 Hz"], found["with bursts"]))
+    words = filled(words, "faults", fault_lines(*(found[name] for name in _COMPARED)))
     page.write_text(words, encoding="utf-8")
 
 
@@ -102,19 +113,21 @@ def sensor_lines(rows: list[Row]) -> list[str]:
     return out
 
 
-def fault_lines(slow: Isolability, fast: Isolability) -> list[str]:
-    """Table of every fault, records alone and with bursts."""
+def fault_lines(slow: Isolability, loaded: Isolability, fast: Isolability) -> list[str]:
+    """Table of every fault: records alone, with ground runs every tenth flight, with bursts."""
     out = [
         "| fault | unit | detected after 1 / 10 / 30 flights | isolated after 10 / 30 | worst rival "
-        "| with bursts: detected / isolated after 30 |",
-        "|---|---|---|---|---|---|",
+        "| with ground runs: detected / isolated after 30 | with bursts: detected / isolated after 30 |",
+        "|---|---|---|---|---|---|---|",
     ]
     for a in slow.faults:
-        b = fast.fault(a.name)
+        others = [
+            f"{shown(b.smallest_detectable)} / {shown(b.smallest_isolable)}"
+            for b in (loaded.fault(a.name), fast.fault(a.name))
+        ]
         detected = " / ".join(shown(float(a.detectable_by_flights[i])) for i in (0, 9, 29))
         isolated = " / ".join(shown(float(a.isolable_by_flights[i])) for i in (9, 29))
-        bursts = f"{shown(b.smallest_detectable)} / {shown(b.smallest_isolable)}"
-        out.append(f"| {a.name} | {a.unit} | {detected} | {isolated} | {a.rivals[0].name} | {bursts} |")
+        out.append(f"| {a.name} | {a.unit} | {detected} | {isolated} | {a.rivals[0].name} | {' | '.join(others)} |")
     return out
 
 

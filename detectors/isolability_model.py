@@ -5,7 +5,7 @@ pump, with the judge's own prior, random walks and noise, scaled to the sensors 
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from detectors.anchor import COLUMN, anchors
 from detectors.components import AMPLITUDE, COMPONENTS, INDEX, N_COMPONENTS, N_LIVING, PLACE, SLIPPER_EXTRA
 from detectors.filter_kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, N_SLOPES, RIPPLE, ZERO, predicted
 from detectors.isolability_plan import Plan, PlanFaultsError
+from detectors.measurement import LOAD_CASE_SD_RELATIVE, LOAD_FLOW_SD_LPM
 from detectors.residuals import (
     TEMPERATURE_SD_K,
     TWIN_CASE_SD_BAR,
@@ -85,6 +86,7 @@ def model_of(plan: Plan, pump: PumpType, circuit: Circuit) -> Model:
     if not solved.all():
         worst = conditions[int(np.flatnonzero(~solved)[0])].fluid_temperature_degc
         raise PlanFaultsError([("temperature_range_degc", f"the twin has no solution at {worst:.0f} degC")])
+    under_load = _under_load(plan, conditions[n_windows - 1 :: n_windows], pump, circuit)
     mean, _ = prior(pump)
     relative = np.zeros((n_flights, 2, N_COMPONENTS))
     amplitudes = np.full((n_flights, 2), np.nan)
@@ -97,7 +99,9 @@ def model_of(plan: Plan, pump: PumpType, circuit: Circuit) -> Model:
     for i in range(n_flights):
         own = slice(i * n_windows, (i + 1) * n_windows)
         windows = list(_linearised(rows[own], mean, relative[i]))
-        flights.append(_flight(plan, windows, rows[own], amplitudes[i], pump))
+        loaded = under_load.get(i, rows[:0])
+        windows += _linearised(loaded, mean, relative[i])
+        flights.append(_flight(plan, windows, np.vstack((rows[own], loaded)), amplitudes[i], pump))
         shown += [y for y, _, _ in windows]
         worn = max(worn, *(case for _, _, case in windows))
     healthy = np.array(shown)
@@ -105,6 +109,20 @@ def model_of(plan: Plan, pump: PumpType, circuit: Circuit) -> Model:
     _hold(plan, pump, healthy.max(axis=0), tank)
     pressures = (float(healthy[:, CASE].min()), float(worn + tank))
     return Model(*_spreads(plan, pump), tuple(flights), pressures)
+
+
+def _under_load(plan: Plan, conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -> dict[int, Array]:
+    """Anchors of the windows under load by the number of their flight; ``conditions`` are its last zero-flow window's."""
+    flows, flights = plan.ground_run_flows_lpm, range(0, len(conditions), plan.ground_run_every)
+    if not flows:
+        return {}
+    asked = [conditions[i]._replace(discharge_flow_lpm=flow) for i in flights for flow in flows]
+    rows, solved = anchors(asked, pump, circuit)
+    if not solved.all():
+        worst = asked[int(np.flatnonzero(~solved)[0])]
+        where = f"{worst.discharge_flow_lpm:g} L/min and {worst.fluid_temperature_degc:.0f} degC"
+        raise PlanFaultsError([("ground_run_flows_lpm", f"the twin has no solution at {where}")])
+    return {i: rows[k * len(flows) : (k + 1) * len(flows)] for k, i in enumerate(flights)}
 
 
 def _hold(plan: Plan, pump: PumpType, highest: Array, tank: float) -> None:
@@ -154,7 +172,7 @@ def _linearised(rows: Array, mean: Array, relative: Array) -> Iterator[tuple[Arr
 def _flight(
     plan: Plan, windows: list[tuple[Array, Array, float]], rows: Array, amplitudes: Array, pump: PumpType
 ) -> FlightModel:
-    """Stack the windows, the zero and the lines of one flight.
+    """Stack the windows, the zero and the lines of one flight; windows under load stand after those at zero flow.
 
     Within a flight its windows share the sensors' repeatability and what the twin misses: more windows average the
     standard errors only.
@@ -176,6 +194,11 @@ def _flight(
     ]
     if sensors.reservoir is not None:
         parts.append((_repeatability(sensors.reservoir), discharge + case))
+    for i in range(plan.windows_per_flight, w):
+        here = np.repeat(np.arange(w) == i, 2)
+        by_load = rows[i, [COLUMN["discharge_by_load"], COLUMN["case_by_load"]]]
+        parts.append((LOAD_FLOW_SD_LPM, np.where(here, np.tile(by_load, w), 0.0)))
+        parts.append((LOAD_CASE_SD_RELATIVE * (windows[i][0][CASE] - rows[i, COLUMN["reservoir"]]), here.astype(float)))
     for sd, pattern in parts:
         shared += sd**2 * np.outer(pattern, pattern)
     blocks = [shared + np.diag(own)]
@@ -184,8 +207,9 @@ def _flight(
         slopes.append(windows[0][1][[ZERO]])
         blocks.append(np.array([[ZERO_SE_BAR**2 + _repeatability(sensors.case) ** 2 + tank**2]]))
     if plan.burst:
-        seen, noise = _lines(plan, amplitudes, windows[-1][0])
-        slopes.append(windows[-1][1][seen])
+        last = windows[plan.windows_per_flight - 1]
+        seen, noise = _lines(plan, amplitudes, last[0])
+        slopes.append(last[1][seen])
         blocks.append(np.diag(noise))
     return FlightModel(np.vstack(slopes), _diagonal(blocks))
 

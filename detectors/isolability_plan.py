@@ -14,10 +14,13 @@ PLAN_RANGES: Mapping[str, tuple[float, float]] = {
     "baseline_flights": (1, 500),
     "flights": (1, 500),
     "windows_per_flight": (1, 3),
+    "ground_run_every": (1, 500),
+    "ground_run_flow_lpm": (1.0, 60.0),
     "false_alarm_probability": (1.0e-9, 0.1),
     "detection_probability": (0.5, 0.9999),
 }
 """Lowest and highest value of each number, both included."""
+MOST_GROUND_RUN_FLOWS = 3
 
 
 class PlanFaultsError(ValueError):
@@ -55,8 +58,11 @@ class Plan:
         Flights before the fault sets in, and flights with it.
     windows_per_flight
         Zero-flow windows of each flight.
+    ground_run_flows_lpm, ground_run_every
+        Flows of the windows under load that follow the last zero-flow window of the first flight and of every so many
+        after it; none without a flow.
     burst
-        Whether every flight has two seconds at 10 kHz in its last window.
+        Whether every flight has two seconds at 10 kHz in its last zero-flow window.
     false_alarm_probability, detection_probability
         Per record, and with the fault present: what "detectable" and "isolable" mean.
     """
@@ -66,6 +72,8 @@ class Plan:
     baseline_flights: int = 30
     flights: int = 30
     windows_per_flight: int = 1
+    ground_run_flows_lpm: tuple[float, ...] = ()
+    ground_run_every: int = 10
     burst: bool = False
     false_alarm_probability: float = 1.0e-4
     detection_probability: float = 0.9
@@ -100,7 +108,13 @@ def plan_faults(plan: Plan) -> list[tuple[str, str]]:
     low, high = plan.temperature_range_degc
     if low > high:
         faults.append(("temperature_range_degc", f"{low:g} lies above {high:g}"))
+    for i, flow in enumerate(plan.ground_run_flows_lpm):
+        check(f"ground_run_flows_lpm.{i}", flow, "ground_run_flow_lpm")
+    if len(plan.ground_run_flows_lpm) > MOST_GROUND_RUN_FLOWS:
+        problem = f"{len(plan.ground_run_flows_lpm)} flows are more than {MOST_GROUND_RUN_FLOWS}"
+        faults.append(("ground_run_flows_lpm", problem))
     for key in (
+        "ground_run_every",
         "baseline_flights",
         "flights",
         "windows_per_flight",

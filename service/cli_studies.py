@@ -156,6 +156,9 @@ def isolability(
     zero: Annotated[bool, typer.Option(help="Each flight has a pump-off zero")] = True,
     reservoir: Annotated[bool, typer.Option(help="A reservoir sensor is fitted")] = True,
     burst: Annotated[bool, typer.Option(help="Each flight has 2 s at 10 kHz")] = False,
+    ground_run_every: Annotated[
+        int | None, typer.Option(help="Every so many flights has windows at 10 and 20 L/min; none without")
+    ] = None,
     svg: Annotated[Path | None, typer.Option(help="Also draw it", dir_okay=False)] = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Also write it as JSON", dir_okay=False)] = None,
 ) -> None:
@@ -163,7 +166,18 @@ def isolability(
     from service.isolability_study import IsolabilityOptions, isolability_study, isolability_table  # noqa: PLC0415 - heavy, and only here
 
     options = IsolabilityOptions(
-        pump, circuit, flights, baseline_flights, windows, temperatures, full_scale, accuracy, zero, reservoir, burst
+        pump,
+        circuit,
+        flights,
+        baseline_flights,
+        windows,
+        temperatures,
+        full_scale,
+        accuracy,
+        zero,
+        reservoir,
+        burst,
+        ground_run_every,
     )
     try:
         study = isolability_study(options)

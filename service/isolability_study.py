@@ -14,6 +14,8 @@ from service.routes.twin_isolability import isolability_document
 from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
 from twin.pumps.circuits import CIRCUITS
 
+_GROUND_RUN_FLOWS_LPM = (10.0, 20.0)
+
 
 @dataclass(frozen=True, slots=True)
 class IsolabilityOptions:
@@ -30,6 +32,7 @@ class IsolabilityOptions:
     zero: bool
     reservoir: bool
     burst: bool
+    ground_run_every: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +73,8 @@ def isolability_study(options: IsolabilityOptions) -> Study:
         flights=options.flights,
         windows_per_flight=options.windows,
         burst=options.burst,
+        ground_run_flows_lpm=() if options.ground_run_every is None else _GROUND_RUN_FLOWS_LPM,
+        ground_run_every=10 if options.ground_run_every is None else options.ground_run_every,
     )
     faults += plan_faults(plan)
     if faults:

@@ -7,7 +7,7 @@ from fastapi import APIRouter
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
 from detectors.isolability import FaultBound, Isolability, isolability
-from detectors.isolability_plan import PLAN_RANGES, Plan, PlanFaultsError, Sensors
+from detectors.isolability_plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
 from detectors.isolability_table import REPEATABILITY_SHARE
 from detectors.verdict import SIDE_OF
 from service.context import Asker, ContextOf
@@ -46,6 +46,7 @@ def _within(key: str, factor: float = 1.0) -> Any:
 FullScale = Annotated[FiniteFloat, _within("full_scale_bar")]
 Accuracy = Annotated[FiniteFloat, _within("accuracy_fs", 100.0)]
 Repeatability = Annotated[FiniteFloat, _within("repeatability_fs", 100.0)]
+GroundRunFlow = Annotated[FiniteFloat, _within("ground_run_flow_lpm")]
 Temperature = Annotated[FiniteFloat, _within("temperature_degc")]
 
 
@@ -82,6 +83,8 @@ class IsolabilityRequest(BaseModel):
     baseline_flights: Annotated[int, _within("baseline_flights")] = 30
     flights: Annotated[int, _within("flights")] = 30
     windows_per_flight: Annotated[int, _within("windows_per_flight")] = 1
+    ground_run_flows_lpm: Annotated[list[GroundRunFlow], Field(max_length=MOST_GROUND_RUN_FLOWS)] = []
+    ground_run_every: Annotated[int, _within("ground_run_every")] = 10
     burst: bool = False
     false_alarm_probability: Annotated[FiniteFloat, _within("false_alarm_probability")] = 1.0e-4
     detection_probability: Annotated[FiniteFloat, _within("detection_probability")] = 0.9
@@ -113,6 +116,9 @@ def isolability_document(found: Isolability) -> dict[str, Any]:
         "flights": plan.flights,
         "baseline_flights": plan.baseline_flights,
         "temperature_range_degc": list(plan.temperature_range_degc),
+        "windows_per_flight": plan.windows_per_flight,
+        "ground_run_flows_lpm": list(plan.ground_run_flows_lpm),
+        "ground_run_every": plan.ground_run_every,
         "burst": plan.burst,
         "false_alarm_probability": plan.false_alarm_probability,
         "detection_probability": plan.detection_probability,
@@ -166,6 +172,8 @@ def _plan(body: IsolabilityRequest, kind: PumpType) -> Plan:
         baseline_flights=body.baseline_flights,
         flights=body.flights,
         windows_per_flight=body.windows_per_flight,
+        ground_run_flows_lpm=tuple(body.ground_run_flows_lpm),
+        ground_run_every=body.ground_run_every,
         burst=body.burst,
         false_alarm_probability=body.false_alarm_probability,
         detection_probability=body.detection_probability,

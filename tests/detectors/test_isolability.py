@@ -47,13 +47,22 @@ def dense(model: Model, moves: np.ndarray, n_baseline: int) -> tuple[np.ndarray,
 
 
 @pytest.mark.parametrize(
-    ("burst", "windows", "zero", "reservoir"), [(True, 2, True, True), (False, 1, False, True), (False, 3, True, False)]
+    ("burst", "windows", "zero", "reservoir", "loads"),
+    [(True, 2, True, True, (15.0,)), (False, 1, False, True, ()), (False, 3, True, False, (10.0, 20.0))],
 )
 def test_inner_products_are_those_of_the_dense_covariance(
-    burst: bool, windows: int, zero: bool, reservoir: bool
+    burst: bool, windows: int, zero: bool, reservoir: bool, loads: tuple[float, ...]
 ) -> None:
     sensors = sensors_of(PUMP, reservoir=reservoir, zero_measured=zero)
-    plan = Plan(sensors, baseline_flights=9, flights=7, windows_per_flight=windows, burst=burst)
+    plan = Plan(
+        sensors,
+        baseline_flights=9,
+        flights=7,
+        windows_per_flight=windows,
+        ground_run_flows_lpm=loads,
+        ground_run_every=4,
+        burst=burst,
+    )
     model, moves = model_of(plan, PUMP, CIRCUIT), directions()
     G, S = dense(model, moves, 9)
     expected = G @ np.linalg.solve(S, G.T)
@@ -144,6 +153,34 @@ def test_what_is_measured_on_top_never_makes_it_worse() -> None:
     no_worse(bounds(replace(PLAN, burst=True)), bounds(PLAN))
     no_worse(bounds(PLAN), bounds(replace(PLAN, sensors=sensors_of(PUMP, zero_measured=False))))
     no_worse(bounds(replace(PLAN, windows_per_flight=3)), bounds(PLAN))
+
+
+def test_ground_runs_tell_the_circuit_from_the_pump() -> None:
+    """At one temperature a laminar leak of the circuit is some leak of the pump; under load the return line is not."""
+    plan = replace(PLAN, temperature_range_degc=(55.0, 55.0))
+    loaded = replace(plan, ground_run_flows_lpm=(10.0, 20.0), ground_run_every=5)
+    without, with_runs = bounds(plan), bounds(loaded)
+    no_worse(with_runs, without)
+    assert with_runs.fault("system leakage, laminar").smallest_isolable < 3.0
+    assert without.fault("system leakage, laminar").smallest_isolable > 3.0
+    more = bounds(replace(loaded, ground_run_every=1))
+    no_worse(more, with_runs)
+
+
+def test_a_load_that_the_pump_cannot_deliver_is_refused() -> None:
+    with pytest.raises(PlanFaultsError) as caught:
+        bounds(replace(PLAN, ground_run_flows_lpm=(10.0, 55.0)))
+    assert caught.value.faults[0][0] == "ground_run_flows_lpm"
+    assert "55 L/min" in caught.value.faults[0][1]
+    bad = replace(PLAN, ground_run_flows_lpm=(0.0, 10.0, 20.0, 70.0), ground_run_every=0)
+    with pytest.raises(PlanFaultsError) as caught:
+        bounds(bad)
+    assert [where for where, _ in caught.value.faults] == [
+        "ground_run_flows_lpm.0",
+        "ground_run_flows_lpm.3",
+        "ground_run_flows_lpm",
+        "ground_run_every",
+    ]
 
 
 def test_wider_temperatures_isolate_better() -> None:
