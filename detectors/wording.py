@@ -74,11 +74,15 @@ def resolving_measurement(candidates: tuple[State, ...]) -> str | None:
     if State.SENSOR_FAULT in left:
         return "records that begin with a pump-off stretch: there the case sensor must read the reservoir"
     if State.SYSTEM_LEAKAGE in left and State.PUMP_DEGRADATION in left:
-        return "a ground run at zero, 10 and 20 L/min: leaks in the circuit and in the pump show differently there"
+        return (
+            "ground runs at zero, 10 and 20 L/min with the commanded flow in the record (commanded_flow_lpm): "
+            "leaks in the circuit and in the pump show differently there"
+        )
     if {State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION} <= left:
         return "zero-flow windows at clearly different fluid temperatures (20 K apart), or case flow on a test stand"
     if State.COMPENSATOR_FAULT in left:
         return (
-            "a load step, in flight or on the ground: droop and recovery show the compensator; or a gauge at discharge"
+            "load steps of a known flow (commanded_flow_lpm) sampled at 5 Hz or faster: they show the droop; "
+            "or a gauge at discharge"
         )
     return "a ground run at constant flow, or zero-flow windows at clearly different fluid temperatures"

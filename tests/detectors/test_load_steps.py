@@ -1,11 +1,12 @@
 """Load steps: synthetic records of known droop and recovery, and the transient pump."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
 
-from detectors.load_steps import load_steps
+from detectors.load_steps import droop_from_rest, load_steps
 from twin.condition import Condition
 from twin.operating_point import operating_point
 from twin.pumps import circuit_parameters, pump_type
@@ -80,6 +81,19 @@ def test_quiet_short_and_empty_records_have_no_steps() -> None:
     assert load_steps(flight(flow=False).between(0.0, 4.9), KIND) == ()
     assert load_steps(whole.between(0.0, 0.05), KIND) == ()
     assert load_steps(whole.between(1.0, 1.0), KIND) == ()
+
+
+def test_droop_of_a_fast_record_costs_little_room() -> None:
+    """Twenty seconds at 10 kHz: the droop is that of the steps, in some copies of the record and no more."""
+    fast = flight(3, rate_hz=10_000.0)
+    tracemalloc.start()
+    droop = droop_from_rest(fast, KIND)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert droop is not None
+    assert abs(droop.fall_bar - DROOP * droop.flow_lpm) < 4.0 * droop.error_bar + 0.02
+    assert most < 6 * fast["discharge_pressure_bar"].nbytes
+    assert droop_from_rest(flight(flow=False), KIND) is None
 
 
 def test_transient_pump_has_the_droop_of_its_operating_points() -> None:
