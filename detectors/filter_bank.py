@@ -14,7 +14,7 @@ from detectors.anchor import COLUMN
 from detectors.components import AMPLITUDE, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
 from detectors.filter_kernel import N_MEASURED, ZERO, advance, step
 from detectors.filter_refit import fit_anew
-from detectors.filter_summary import ARRIVAL, RAMP, spawned
+from detectors.filter_summary import ARRIVAL, RAMP, STEP, spawned
 from detectors.regulation import N_FEATURES, Regulation
 from detectors.state_model import (
     FAULT_KINDS,
@@ -44,9 +44,8 @@ _FIRST_ITERATIONS = 3
 _FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 """Records after which every filter is fitted to its whole history anew (``detectors.filter_refit``)."""
 _LONG, _HOPELESS = 24, -1.0
-"""Records of a history from which on only those are fitted anew that the data make no less likely than this [nat] against
-the healthy pump: fitting a long history is dear, and more than half of all filters lie
-below. No figure of the study changed with it."""
+"""Records from which on only those are fitted anew that the data make no less likely than this [nat] against the healthy
+pump: more than half of all filters lie below."""
 _UNSEEN = np.full(N_FEATURES, np.nan)
 _UNSEEN.flags.writeable = False
 ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
@@ -233,11 +232,15 @@ class Bank:
         self.learnt[-1] = (*self.learnt[-1], measurement)
 
     def _worth_a_fit(self) -> Integers:
-        """Filters that the data do not speak against; what is dropped begins anew with the next onset of its kind."""
+        """Filters that the data do not speak against, and the oldest step of each kind: it says what would be found."""
         kind, shape = self.kind[: self.n], self.shape[: self.n]
         prior = np.where(kind == HEALTHY, 0.0, _LOG_PRIORS[shape, kind])
         by_data = self.log_evidence[: self.n] - prior - self.log_evidence[0]
-        return np.flatnonzero((kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS))
+        kept = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS)
+        steps = np.flatnonzero(shape == STEP)
+        oldest = steps[np.lexsort((self.onset[steps], kind[steps]))]
+        kept[oldest[np.unique(kind[oldest], return_index=True)[1]]] = True
+        return np.flatnonzero(kept)
 
     def _fit_anew(self) -> None:
         """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""

@@ -11,6 +11,9 @@ from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, TIME
 Samples = NDArray[np.float64]
 
 SHORTEST = 2
+LONGEST_S = 48.0 * 3600.0
+"""A record is one flight or one ground run; what spans more has a clock that jumped, and would cost room for every second
+of the jump."""
 _STRETCHES = 10
 _SHORTEST_STRETCH = 10
 _LARGEST_RATE_CHANGE = 3.0
@@ -68,6 +71,13 @@ def _time_faults(time: Samples) -> list[Fault]:
         for i in steps[:MOST_FAULTS_OF_A_KIND]
     ]
     faults += capped(backwards, len(steps) - MOST_FAULTS_OF_A_KIND, "steps back in time", f"channels.{TIME}")
+    if not faults and time[-1] - time[0] > LONGEST_S:
+        gap = int(np.argmax(np.diff(time)))
+        text = (
+            f"spans {(time[-1] - time[0]) / 3600.0:.4g} h, a record at most {LONGEST_S / 3600.0:g} h; "
+            f"its largest gap is {(time[gap + 1] - time[gap]) / 3600.0:.4g} h after sample {gap}"
+        )
+        faults.append(Fault(f"channels.{TIME}", text))
     return faults or _sampling_faults(time)
 
 

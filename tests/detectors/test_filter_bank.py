@@ -12,7 +12,7 @@ from detectors.filter_kernel import CASE_RIPPLE, LINE, RIPPLE
 from detectors.measurement import measured_windows
 from detectors.observation import History, Observation
 from detectors.signature import ChannelSpectrum, OrderLine, Spectrum
-from detectors.state_model import prior
+from detectors.state_model import FAULT_KINDS, GONE, prior
 from detectors.thresholds import effective
 from detectors.verdict import State
 from tests.detectors.fleet import CIRCUIT, PUMP, history
@@ -137,3 +137,25 @@ def test_a_line_once_per_turn_accuses_the_pump() -> None:
     growing = [0.03 + 0.25 * max(0.0, (i - 15) / 24) for i in range(n)]
     found = assess(with_bursts(history(28, n), [0.011] * n, growing), PUMP, CIRCUIT, THRESHOLDS)
     assert found[-1].verdict.state is State.PUMP_DEGRADATION
+
+
+def test_a_long_history_forgets_no_kind_of_fault() -> None:
+    """Before a long history is fitted anew what the data speak against is dropped; what would be found is still said."""
+    found = assess(history(4, 40), PUMP, CIRCUIT, THRESHOLDS)
+    known = [set(a.verdict.minimum_detectable) for a in found if a.verdict.quality.records_used >= 10]
+    assert known[0] == {
+        "pump_leakage_change_lpm",
+        "system_leakage_change_lpm",
+        "pressure_setting_change_bar",
+        "drain_resistance_change_percent",
+    }
+    assert all(names == known[0] for names in known)
+    bank = learnt(history(4, 40), 31)
+    before = bank.n
+    bank.learn(bank.learnt[-1])  # the 32nd record
+    assert bank.records == 32
+    assert len(bank.learnt) == 32
+    assert bank.n < before
+    assert set(bank.kind[: bank.n]) >= {
+        i for i, k in enumerate(FAULT_KINDS) if k.sudden is not None and not any(n == "once" for n, _ in k.moves)
+    } - {GONE}

@@ -126,6 +126,18 @@ def test_duplicate_columns_are_named_in_csv_and_json() -> None:
     assert found["channels.case_pressure_bar"] == "appears twice"
 
 
+def test_a_clock_that_jumps_by_days_is_refused_and_an_hour_s_gap_is_not() -> None:
+    """Two hundred samples over nine years took minutes and all the memory there is: every second of the gap cost room."""
+    jumped = np.concatenate((np.arange(80.0), np.arange(80.0) + 3.0e8))
+    status, found = faults(body(document(time_s=list(jumped))), "application/json")
+    assert status == 422
+    assert found == {
+        "channels.time_s": "spans 8.333e+04 h, a record at most 48 h; its largest gap is 8.333e+04 h after sample 79"
+    }
+    paused = np.concatenate((np.arange(80.0), np.arange(80.0) + 3600.0))
+    assert len(decode(body(document(time_s=list(paused))), "application/json", "", {}, LIMITS).recording) == 160
+
+
 def test_sampling_that_jumps_is_refused_and_gaps_are_not() -> None:
     n = 160
     jumping = np.concatenate((np.arange(80) * 1.0, 80.0 + np.arange(80) * 0.01))
