@@ -50,8 +50,7 @@ _UNSEEN = np.full(N_FEATURES, np.nan)
 _UNSEEN.flags.writeable = False
 ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
-"""Mean and spread of what a pump leaks on top that arrives worn: the acceptance limit lies 0.2 above the nominal pump's
-case flow, a pump twice as far gone at 2.7 L/min."""
+"""Mean and spread of what a pump leaks on top that arrives worn: the limit lies 0.2 above the nominal pump's case flow."""
 ARRIVAL_RECORDS = 40
 """Records after which a pump that is not likelier to have come worn is one of the population for good."""
 ARRIVAL_FLOOR_LPM = 0.5
@@ -59,8 +58,7 @@ ARRIVAL_FLOOR_LPM = 0.5
 _LOG_ARRIVAL = float(np.log(0.04))
 """Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
 RAMP_RECORDS = 30.0
-"""Records in which a ramp of one sigma grows by a fault's scale: wide enough for 0.04 L/min a flight, and not so wide
-that 0.004 would be punished (estimate)."""
+"""Records in which a ramp of one sigma grows by a fault's scale: fits 0.04 L/min a flight, and does not punish 0.004 (estimate)."""
 _LOG_PRIORS = np.vstack((log_hazards(), np.full(N_KINDS, _LOG_ARRIVAL)))
 _AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
 """Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
