@@ -86,8 +86,7 @@ _RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
 _RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
 _SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
 """Walks from record to record by shape and kind, the healthy pump last."""
-_WARMTH = COLUMN["warmth"]
-_LOAD, _LEAST_LOAD_LPM = COLUMN["load_flow"], 1.0
+_WARMTH, _LOAD, _LEAST_LOAD_LPM = COLUMN["warmth"], COLUMN["load_flow"], 1.0
 _WALK = walk_variance()
 
 
@@ -190,7 +189,8 @@ class Bank:
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.records += 1
         self.learnt.append(measurements)
-        self._accept()
+        if self.log_evidence[0] <= -_BEYOND_DOUBT:
+            self._accept()
         if self.records - self.base_records in _FITTED_ANEW_AT:
             if self.records - self.base_records >= _LONG:
                 self._keep(self._worth_a_fit())

@@ -195,32 +195,31 @@ def _stepped(zero_flow: Window, droop: Droop) -> Window:
 
 
 def _measurement(window: Window, zero: Zero, anchor: Array, pump: PumpType, *, with_zero: bool) -> Measurement:
-    values, noise = np.zeros(N_MEASURED), np.zeros((N_MEASURED, N_MEASURED))
     # the zero is a measurement of its own, so the case pressure enters with its offset still in it
-    values[DISCHARGE] = window.means["discharge_pressure_bar"].mean
-    has_case = "case_pressure_bar" in window.means
-    if has_case:
-        values[CASE] = window.means["case_pressure_bar"].mean
-        noise[CASE, CASE] = case_noise_sd(window, pump) ** 2
-    values[ZERO] = zero.offset_bar
-    noise[DISCHARGE, DISCHARGE] = discharge_noise_sd(window, pump) ** 2
-    noise[ZERO, ZERO] = zero.standard_deviation_bar**2
+    case = window.means.get("case_pressure_bar")
+    discharge_variance, case_variance, covariance = discharge_noise_sd(window, pump) ** 2, 0.0, 0.0
+    if case is not None:
+        case_variance = case_noise_sd(window, pump) ** 2
     # what moves both pressures: by how much for one standard deviation
-    shared = [(TEMPERATURE_SD_K * anchor[_DISCHARGE_BY_K], TEMPERATURE_SD_K * anchor[_CASE_BY_K])]
+    shared = [(TEMPERATURE_SD_K * float(anchor[_DISCHARGE_BY_K]), TEMPERATURE_SD_K * float(anchor[_CASE_BY_K]))]
     if window.kind is WindowKind.CONSTANT_FLOW:
-        return_line = LOAD_CASE_SD_RELATIVE * (nominal_pressures(anchor)[1] - anchor[COLUMN["reservoir"]])
-        flow = LOAD_FLOW_SD_LPM
-        shared += [(flow * anchor[_DISCHARGE_BY_LOAD], flow * anchor[_CASE_BY_LOAD]), (return_line, return_line)]
+        flow = (LOAD_FLOW_SD_LPM * float(anchor[_DISCHARGE_BY_LOAD]), LOAD_FLOW_SD_LPM * float(anchor[_CASE_BY_LOAD]))
+        return_line = LOAD_CASE_SD_RELATIVE * (nominal_pressures(anchor)[1] - float(anchor[COLUMN["reservoir"]]))
+        shared += [flow, (return_line, return_line)]
     reservoir_measured = "reservoir_pressure_bar" in window.means
     if reservoir_measured:
         reservoir = reservoir_noise_sd(window, pump)
         shared.append((reservoir, reservoir))
-    for discharge, case in shared:
-        noise[DISCHARGE, DISCHARGE] += discharge * discharge
-        noise[CASE, CASE] += case * case
-        noise[DISCHARGE, CASE] += discharge * case
-    noise[CASE, DISCHARGE] = noise[DISCHARGE, CASE]
-    seen = [DISCHARGE] + [CASE] * has_case + [ZERO] * (zero.measured and with_zero)
+    for by_discharge, by_case in shared:
+        discharge_variance += by_discharge * by_discharge
+        case_variance += by_case * by_case
+        covariance += by_discharge * by_case
+    values, noise = np.zeros(N_MEASURED), np.zeros((N_MEASURED, N_MEASURED))
+    values[: ZERO + 1] = window.means["discharge_pressure_bar"].mean, case.mean if case else 0.0, zero.offset_bar
+    noise[DISCHARGE, : CASE + 1] = discharge_variance, covariance
+    noise[CASE, : CASE + 1] = covariance, case_variance
+    noise[ZERO, ZERO] = zero.standard_deviation_bar**2
+    seen = [DISCHARGE] + [CASE] * (case is not None) + [ZERO] * (zero.measured and with_zero)
     regulation = np.full(N_FEATURES, np.nan)
     if window.scatter_bar is not None and window.kind is WindowKind.ZERO_FLOW:
         regulation[Feature.SCATTER] = math.log(window.scatter_bar)
