@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import shutil
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,15 +29,30 @@ def postgres_cluster() -> Iterator[str]:
         yield url
 
 
+@pytest.fixture(scope="session")
+def migrated_sqlite(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file with all migrations and no rows: tests get copies."""
+    file = tmp_path_factory.mktemp("migrated") / "empty.sqlite"
+    upgrade(f"sqlite:///{file}")
+    return file
+
+
+@pytest.fixture(scope="session")
+def migrated_postgres(postgres_cluster: str) -> str:
+    """Name of a database with all migrations and no rows: tests get copies."""
+    name = "migrated"
+    upgrade(create_database(postgres_cluster, name))
+    return name
+
+
 @pytest.fixture(params=["sqlite", "postgres"])
 def database_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """A fresh, migrated database of each kind."""
     if request.param == "sqlite":
-        url = f"sqlite:///{tmp_path / 'test.sqlite'}"
-    else:
-        url = create_database(request.getfixturevalue("postgres_cluster"), f"t{next(_numbers)}")
-    upgrade(url)
-    return url
+        file = shutil.copyfile(request.getfixturevalue("migrated_sqlite"), tmp_path / "test.sqlite")
+        return f"sqlite:///{file}"
+    cluster_url = request.getfixturevalue("postgres_cluster")
+    return create_database(cluster_url, f"t{next(_numbers)}", request.getfixturevalue("migrated_postgres"))
 
 
 # the default renderer draws tracebacks with every local variable: half a minute for one that reaches the twin

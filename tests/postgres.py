@@ -79,11 +79,11 @@ def _wait(socket: Path) -> None:
     raise RuntimeError("Postgres did not start within 30 s")
 
 
-def create_database(url: str, name: str) -> str:
-    """Make a database in the cluster and give its URL."""
+def create_database(url: str, name: str, template: str = "template1") -> str:
+    """Make a database in the cluster, as a copy of another one that nobody is connected to, and give its URL."""
     import psycopg
 
     socket = url.partition("host=")[2]
     with psycopg.connect(f"host={socket} user=casedrain dbname=postgres", autocommit=True) as connection:
-        connection.execute(f'CREATE DATABASE "{name}"')  # type: ignore[arg-type]
+        connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')  # type: ignore[arg-type]
     return url.format(name=name)
