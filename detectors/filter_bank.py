@@ -189,8 +189,7 @@ class Bank:
         self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
         self.records += 1
         self.learnt.append(measurements)
-        if self.log_evidence[0] <= -_BEYOND_DOUBT:
-            self._accept()
+        self._accept()
         if self.records - self.base_records in _FITTED_ANEW_AT:
             if self.records - self.base_records >= _LONG:
                 self._keep(self._worth_a_fit())
@@ -203,6 +202,8 @@ class Bank:
     def _accept(self) -> None:
         """Let the healthy pump go on from where a healthy change took it, once that is beyond doubt."""
         n = self.n
+        if self.log_evidence[0] > -_BEYOND_DOUBT:
+            return  # nothing lies that far above the healthy pump
         changed = np.flatnonzero(_IS_HEALTHY[self.kind[:n]] & (self.onset[:n] <= self.records - _BEYOND_DOUBT_RECORDS))
         if not len(changed):
             return
@@ -235,10 +236,9 @@ class Bank:
         prior = np.where(kind == HEALTHY, 0.0, _LOG_PRIORS[shape, kind])
         by_data = self.log_evidence[: self.n] - prior - self.log_evidence[0]
         kept = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS)
-        steps = np.flatnonzero(shape == STEP)
-        oldest = steps[np.lexsort((self.onset[steps], kind[steps]))]
-        kept[oldest[np.unique(kind[oldest], return_index=True)[1]]] = True
-        return np.flatnonzero(kept)
+        steps, onset, oldest = shape == STEP, self.onset[: self.n], np.full(N_KINDS + 1, self.records)
+        np.minimum.at(oldest, kind[steps], onset[steps])
+        return np.flatnonzero(kept | (steps & (onset == oldest[kind])))
 
     def _fit_anew(self) -> None:
         """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""

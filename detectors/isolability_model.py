@@ -15,8 +15,9 @@ from detectors.anchor import COLUMN, anchors
 from detectors.components import AMPLITUDE, COMPONENTS, INDEX, N_COMPONENTS, N_LIVING, PLACE, SLIPPER_EXTRA
 from detectors.filter_kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, N_SLOPES, RIPPLE, ZERO, predicted
 from detectors.isolability_plan import Plan, PlanFaultsError
-from detectors.measurement import LOAD_CASE_SD_RELATIVE, LOAD_FLOW_SD_LPM
 from detectors.residuals import (
+    LOAD_CASE_SD_RELATIVE,
+    LOAD_FLOW_SD_LPM,
     TEMPERATURE_SD_K,
     TWIN_CASE_SD_BAR,
     TWIN_CASE_SD_RELATIVE,

@@ -15,6 +15,8 @@ from detectors.observation import Mean, Observation, Residual, Window, WindowKin
 from detectors.reduced_twin import nominal_pressures
 from detectors.regulation import N_FEATURES, Feature
 from detectors.residuals import (
+    LOAD_CASE_SD_RELATIVE,
+    LOAD_FLOW_SD_LPM,
     TEMPERATURE_SD_K,
     case_noise_sd,
     discharge_noise_sd,
@@ -32,11 +34,6 @@ Array = NDArray[np.float64]
 MOST_WINDOWS = 3
 """Zero-flow windows of one record that are learnt from, and windows under load; a longer list adds hardly anything but
 correlated errors."""
-LOAD_FLOW_SD_LPM = 0.3
-"""Estimate: the flow that a ground run's demand really makes, against what was commanded."""
-LOAD_CASE_SD_RELATIVE = 0.03
-"""Estimate: what both pressures miss under load from run to run, as a share of case above reservoir pressure (the return
-line's own temperature law, which nobody measured)."""
 _DISCHARGE_BY_K, _CASE_BY_K = COLUMN["discharge_by_temperature"], COLUMN["case_by_temperature"]
 _DISCHARGE_BY_LOAD, _CASE_BY_LOAD = COLUMN["discharge_by_load"], COLUMN["case_by_load"]
 NO_RIPPLE = np.zeros((2, N_COMPONENTS))

@@ -13,6 +13,11 @@ TWIN_DISCHARGE_SD_BAR = 0.10
 TWIN_CASE_SD_BAR = 0.004
 TWIN_CASE_SD_RELATIVE = 0.01
 """Estimates: what the mean-value twin misses from flight to flight besides its own parameters."""
+LOAD_FLOW_SD_LPM = 0.3
+"""Estimate: the flow that a ground run's demand really makes, against what was commanded."""
+LOAD_CASE_SD_RELATIVE = 0.03
+"""Estimate: what both pressures miss under load from run to run, as a share of case above reservoir pressure (the return
+line's own temperature law, which nobody measured)."""
 
 
 def matching_condition(window: Window, pump: PumpType) -> Condition:

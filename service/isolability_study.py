@@ -73,9 +73,9 @@ def isolability_study(options: IsolabilityOptions) -> Study:
         flights=options.flights,
         windows_per_flight=options.windows,
         burst=options.burst,
-        ground_run_flows_lpm=() if options.ground_run_every is None else _GROUND_RUN_FLOWS_LPM,
-        ground_run_every=10 if options.ground_run_every is None else options.ground_run_every,
     )
+    if options.ground_run_every is not None:
+        plan = replace(plan, ground_run_flows_lpm=_GROUND_RUN_FLOWS_LPM, ground_run_every=options.ground_run_every)
     faults += plan_faults(plan)
     if faults:
         raise PlanFaultsError(faults)

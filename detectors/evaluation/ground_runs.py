@@ -17,10 +17,6 @@ from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
 
-DIFFERENCES: tuple[str, ...] = (
-    "under load: the return line's drop 15 % off the circuit's, with a temperature law of its own; the flow 2 % off the "
-    "command for each aircraft and 0.25 L/min from run to run; 0.2 bar of discharge pressure at 20 L/min, linear and square",
-)
 _LOAD_LPM = 20.0
 
 

@@ -81,7 +81,8 @@ def histories(
     lines = _burst_lines(flights, pump, rng) if sensing.burst else None
     scatter, ripple, frequency = _regulation(flights, rng.spawn(1)[0])
     discharge += scatter / np.sqrt(_SAMPLES) * rng.spawn(1)[0].normal(size=shape)
-    under_load = _under_load(flights, pump, sensing, offset, rng.spawn(1)[0], moved_at) if sensing.ground_runs else None
+    runs = sensing.ground_runs
+    under_load = _under_load(runs, flights, pump, sensing, offset, rng.spawn(1)[0], moved_at) if runs else None
     result = []
     for i in range(n_pumps):
         observations = []
@@ -96,9 +97,8 @@ def histories(
                 means["reservoir_pressure_bar"] = Mean(float(flights.reservoir[i, j] + reservoir_error[i, j]), 0.001)
             window = Window(WindowKind.ZERO_FLOW, 60.0, 120.0, True, None, means, float(scatter[i, j]))
             windows: tuple[Window, ...] = (window,)
-            if sensing.ground_runs is not None and under_load is not None and j % sensing.ground_runs.every == 0:
-                flows = sensing.ground_runs.flows_lpm
-                windows += loaded_windows(window, flows, under_load[0][i, j], under_load[1][i, j])
+            if runs and under_load and j % runs.every == 0:
+                windows += loaded_windows(window, runs.flows_lpm, under_load[0][i, j], under_load[1][i, j])
             found = Zero(0.0, pump.population["case_zero_bar"].value, False)
             if has_zero[i, j]:
                 found = Zero(float(zero[i, j]), 0.008 if sensing.reservoir_measured else 0.1, True)
@@ -125,12 +125,16 @@ def histories(
 
 
 def _under_load(
-    flights: Flights, pump: PumpType, sensing: Sensing, offset: Array, rng: np.random.Generator, moved_at: int | None
+    runs: GroundRuns,
+    flights: Flights,
+    pump: PumpType,
+    sensing: Sensing,
+    offset: Array,
+    rng: np.random.Generator,
+    moved_at: int | None,
 ) -> tuple[Array, Array]:
     """Measured discharge and case pressure of the ground runs, shapes (n_pumps, n_flights, n_flows)."""
-    if sensing.ground_runs is None:
-        raise ValueError("no ground runs are flown")
-    discharge, case = pressures_under_load(sensing.ground_runs, flights, pump, rng, moved_at)
+    discharge, case = pressures_under_load(runs, flights, pump, rng, moved_at)
     discharge += rng.normal(0.0, sensing.discharge_repeatability, discharge.shape)
     return discharge, case + offset[..., None] + rng.normal(0.0, sensing.case_repeatability, case.shape)
 

@@ -96,6 +96,27 @@ def _most(row: str, quantity: str, plain: float, burst: float | None = None, not
     return _pair(row, quantity, (-math.inf, plain), (-math.inf, plain if burst is None else burst), note)
 
 
+def _leaking_circuit(row: str, *, burst: bool, note: str = "") -> list[Target]:
+    """The circuit named and the pump hardly ever, by either law of the leak."""
+    return [
+        target
+        for scope in (Scope.ORIFICE, Scope.LAMINAR)
+        for target in (
+            Target(row, burst, at_end(Side.SYSTEM), low=0.90, scope=scope, note=note),
+            Target(row, burst, at_end(Side.PUMP), high=0.03, scope=scope, note=note),
+        )
+    ]
+
+
+def _clogged_drain(row: str, note: str = "") -> list[Target]:
+    """The pump hardly ever accused and the drain among what is left, without a burst."""
+    return [
+        Target(row, False, PUMP_FROM_30, high=0.02, note=note),
+        Target(row, False, ever(Side.PUMP), high=0.05, note=note),
+        Target(row, False, RIGHT_OR_CANDIDATE, low=0.98, note=note),
+    ]
+
+
 _LEAK, _SYSTEM, _DRAIN, _WORN = "pump leakage 0.6 L/min", "system leakage 3 L/min", "drain +30 %", "worn on arrival"
 _UNEVEN, _EDGE = "uneven wear", "edge radius x10"
 _REST = "what is not `pump` is `indeterminate` with pump among the candidates, but for the share allowed to `system`"
@@ -124,32 +145,14 @@ TARGETS: tuple[Target, ...] = (
     Target(_SYSTEM, False, at_end(Side.SYSTEM), low=0.85, scope=Scope.ORIFICE),
     Target(_SYSTEM, False, at_end(Side.PUMP), high=0.01, scope=Scope.ORIFICE),
     Target(_SYSTEM, False, at_end(Side.PUMP), high=0.10, scope=Scope.LAMINAR),
-    *(
-        target
-        for scope in (Scope.ORIFICE, Scope.LAMINAR)
-        for target in (
-            Target(_SYSTEM, True, at_end(Side.SYSTEM), low=0.90, scope=scope),
-            Target(_SYSTEM, True, at_end(Side.PUMP), high=0.03, scope=scope),
-        )
-    ),
-    Target(_DRAIN, False, PUMP_FROM_30, high=0.02),
-    Target(_DRAIN, False, ever(Side.PUMP), high=0.05),
-    Target(_DRAIN, False, RIGHT_OR_CANDIDATE, low=0.98),
+    *_leaking_circuit(_SYSTEM, burst=True),
+    *_clogged_drain(_DRAIN),
     Target(_DRAIN, True, at_end(State.DRAIN_RESTRICTION), low=0.90),
     Target(HEALTHY + GROUND_RUNS, False, FALSE_ALARMS, high=1.0, scope=Scope.EACH, note=_OWN),
     Target(_LEAK + GROUND_RUNS, False, at_end(Side.PUMP), low=0.80, note=_OWN),
     Target(_LEAK + GROUND_RUNS, False, at_end(Side.SYSTEM), high=0.02, note=_OWN),
-    *(
-        target
-        for scope in (Scope.ORIFICE, Scope.LAMINAR)
-        for target in (
-            Target(_SYSTEM + GROUND_RUNS, False, at_end(Side.SYSTEM), low=0.90, scope=scope, note=_OWN),
-            Target(_SYSTEM + GROUND_RUNS, False, at_end(Side.PUMP), high=0.03, scope=scope, note=_OWN),
-        )
-    ),
-    Target(_DRAIN + GROUND_RUNS, False, PUMP_FROM_30, high=0.02, note=_OWN),
-    Target(_DRAIN + GROUND_RUNS, False, ever(Side.PUMP), high=0.05, note=_OWN),
-    Target(_DRAIN + GROUND_RUNS, False, RIGHT_OR_CANDIDATE, low=0.98, note=_OWN),
+    *_leaking_circuit(_SYSTEM + GROUND_RUNS, burst=False, note=_OWN),
+    *_clogged_drain(_DRAIN + GROUND_RUNS, _OWN),
     *_least("setting 1.5 bar", at_end(State.COMPENSATOR_FAULT), 0.95),
     *_least("setting 3 bar", at_end(State.COMPENSATOR_FAULT), 0.99),
     *(

@@ -110,7 +110,8 @@ def _fleet_body(request: Request, context: Context, page: int) -> _Body:
     page = min(max(page, 1), last)
     pumps = everyone[(page - 1) * _PUMPS_PER_PAGE : page * _PUMPS_PER_PAGE]
     silent = [p for p in everyone if p["silent"]]
-    for document in everyone:
+    silent_shown = silent[:_PUMPS_PER_PAGE]
+    for document in (*pumps, *silent_shown):
         document["link"] = f"/pumps/{quote(document['serial'], '')}?operator={quote(document['operator'], '')}"
     with context.database.reading() as session:
         for document in pumps:
@@ -132,7 +133,7 @@ def _fleet_body(request: Request, context: Context, page: int) -> _Body:
             "request": request,
             "pumps": pumps,
             "counts": counts,
-            "silent": silent[:_PUMPS_PER_PAGE],
+            "silent": silent_shown,
             "n_silent": len(silent),
             "agreement": agreement,
             "page": page,

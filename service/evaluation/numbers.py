@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from detectors.evaluation.calibration import N_BINS, Calibration, Reliability, equal_mass, mean_shares
-from detectors.evaluation.ground_runs import DIFFERENCES as UNDER_LOAD
 from detectors.evaluation.operating import OperatingCurve
 from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.summary import RowResult, side_confusion
@@ -33,7 +32,7 @@ def study_json(results: Results) -> dict[str, Any]:
             "pumps_per_row": study.n_pumps,
             "healthy_records_per_reality": study.n_healthy_records,
             "realities": [r.name for r in REALITIES],
-            "differences": [*DIFFERENCES, *UNDER_LOAD],
+            "differences": list(DIFFERENCES),
             "intervals": 0.95,
             "not_simulated": list(NOT_SIMULATED),
         },

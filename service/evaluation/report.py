@@ -20,7 +20,6 @@ from detectors.evaluation.delays import (
     found_by,
     mean_delay,
 )
-from detectors.evaluation.ground_runs import DIFFERENCES as UNDER_LOAD
 from detectors.evaluation.lives import LAMBDAS, covered_at, error_at, given_at, near_at, near_where_given_at
 from detectors.evaluation.operating import DELAY_AT_ONE, DETECTED_AT_ONE, THRESHOLD_AT_ONE
 from detectors.evaluation.reality import DIFFERENCES
@@ -137,7 +136,7 @@ def report_html(results: Results) -> str:
         n_met=counted.count(True),
         n_asked=len(counted) - counted.count(None),
         findings=[_finding_cells(f) for f in results.findings],
-        differences=(*DIFFERENCES, *UNDER_LOAD),
+        differences=DIFFERENCES,
         not_simulated=NOT_SIMULATED,
         sides=[s.value for s in Side],
         confusions=_confusions(results),

@@ -48,9 +48,10 @@ def fleet_trend(
             Pump.operator,
         )
         .join(Pump, Pump.id == StoredAssessment.pump_id)
-        .join(Record, Record.id == StoredAssessment.record_id)
         .order_by(StoredAssessment.at, StoredAssessment.record_id)
     )
+    if group_by == "age":
+        query = query.join(Record, Record.id == StoredAssessment.record_id)
     if principal.operator is not None:
         query = query.where(Pump.operator == principal.operator)
     if since is not None:

@@ -23,22 +23,10 @@ def drain_pressure_drop(Q: float, k_c: float, w_nu: float, w_Q: float, nu_ratio:
 
 
 @compiled
-def return_pressure_drop(Q: float, k_inf: float, K: float, gamma: float) -> float:
-    """Pressure drop of the shared return line [Pa] (3-4), odd in Q, with its limit ``k_inf K Q`` at zero flow.
-
-    ``k_inf`` in Pa/(m3/s)^(1+gamma), ``K`` in (m3/s)^gamma.
-    """
-    magnitude = abs(Q)
-    ratio = math.pow(magnitude, gamma) / K
-    # ratio / tanh(ratio) -> 1 + ratio^2 / 3
-    quotient = 1.0 + ratio * ratio / 3.0 if ratio < 1.0e-4 else ratio / math.tanh(ratio)
-    return k_inf * K * Q * quotient
-
-
-@compiled
 def return_pressure_drop_with_slope(Q: float, k_inf: float, K: float, gamma: float) -> tuple[float, float]:
     """``return_pressure_drop`` and its derivative by the flow [Pa, Pa/(m3/s)]."""
     ratio = math.pow(abs(Q), gamma) / K
+    # ratio / tanh(ratio) -> 1 + ratio^2 / 3
     if ratio < 1.0e-4:
         quotient, by_ratio = 1.0 + ratio * ratio / 3.0, 2.0 * ratio / 3.0
     else:
@@ -46,3 +34,13 @@ def return_pressure_drop_with_slope(Q: float, k_inf: float, K: float, gamma: flo
         quotient = ratio / tangent
         by_ratio = 1.0 / tangent - ratio * (1.0 - tangent * tangent) / (tangent * tangent)
     return k_inf * K * Q * quotient, k_inf * K * (quotient + gamma * ratio * by_ratio)
+
+
+@compiled
+def return_pressure_drop(Q: float, k_inf: float, K: float, gamma: float) -> float:
+    """Pressure drop of the shared return line [Pa] (3-4), odd in Q, with its limit ``k_inf K Q`` at zero flow.
+
+    ``k_inf`` in Pa/(m3/s)^(1+gamma), ``K`` in (m3/s)^gamma.
+    """
+    drop, _ = return_pressure_drop_with_slope(Q, k_inf, K, gamma)
+    return drop
