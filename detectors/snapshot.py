@@ -9,7 +9,6 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache
-from importlib.resources import files
 from typing import Any, get_type_hints
 
 import numpy as np
@@ -22,8 +21,9 @@ from detectors.filter_bank import _FITTED_ANEW_AT, Bank, Measurement
 from detectors.packing import AnyArray
 from detectors.regulation import Regulation
 from detectors.type_correction import HealthyCurve
-from twin.compiled import cache_folder
+from twin.compiled import numba_version
 from twin.parameters import Circuit, PumpType
+from twin.sources import sources_hash
 
 _MAGIC = b"casedrain fold 2\n"
 _DIGEST = 32
@@ -95,12 +95,7 @@ def judge_version() -> str:
 
     A snapshot of another version is worthless: a change of a single rounding would be carried on for ever.
     """
-    digest = hashlib.sha256(f"{cache_folder('detectors.snapshot').name} numpy {np.__version__}".encode())
-    for file in sorted(files("twin.pumps").iterdir(), key=lambda f: f.name):
-        if file.is_file() and not file.name.endswith((".py", ".pyc")):
-            digest.update(file.name.encode())
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
+    return f"{sources_hash('detectors.snapshot')}-numpy{np.__version__}-numba{numba_version}"
 
 
 @cache

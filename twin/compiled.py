@@ -1,14 +1,16 @@
 """The only file that imports numba.
 
-Compiled code is cached on disk, each file's in a folder named after a hash of that file and of every file of this
-project that it imports, directly or not: numba's own cache looks at the edited file only and would silently keep a
-stale caller when a *called* file changed. ``CASEDRAIN_COMPILE_CACHE`` moves the cache (a read-only home, an image
-build).
+Compiled code is cached on disk under a hash of the syntax trees that it was made from: numba's own cache looks at the
+edited file only and would silently keep a stale caller when a *called* file changed. Neither the place nor the age of a
+source file plays a part, so that a cache made in one folder serves another.
+
+``CASEDRAIN_COMPILE_CACHE`` moves the cache (an image build, a home that cannot be written). Kernels in a cache that can
+be read but not written are used all the same; what cannot be kept is said in one sentence and compiled again by every
+process.
 """
 
-import ast
 import functools
-import hashlib
+import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -16,61 +18,21 @@ from typing import Any, TypeVar
 
 import numba
 import platformdirs
+from numba.core import caching
+
+from twin.sources import sources_hash
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_ROOT = Path(__file__).resolve().parent.parent
-_PACKAGES = ("twin", "detectors")
+numba_version: str = numba.__version__
+
+log = logging.getLogger("casedrain")
 
 
-@functools.cache
-def _imports(module: str) -> tuple[str, ...]:
-    """Modules of the compiled packages that a module's source imports by name, anywhere in it."""
-    path = _source(module)
-    if path is None:
-        return ()
-    names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_bytes())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            # what is imported may itself be a module
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return tuple(sorted(n for n in names if n.partition(".")[0] in _PACKAGES and _source(n) is not None))
-
-
-def _source(module: str) -> Path | None:
-    """File of a module of this project, None when there is none."""
-    path = _ROOT.joinpath(*module.split("."))
-    for candidate in (path.with_suffix(".py"), path / "__init__.py"):
-        if candidate.is_file():
-            return candidate
-    return None
-
-
-@functools.cache
-def _source_hash(module: str) -> str:
-    """Hash of a module with everything of this project that it imports, and of numba's version."""
-    found: set[str] = set()
-    waiting = [module]
-    while waiting:
-        name = waiting.pop()
-        if name not in found:
-            found.add(name)
-            waiting.extend(_imports(name))
-    digest = hashlib.sha256(numba.__version__.encode())
-    for name in sorted(found):
-        path = _source(name)
-        if path is not None:
-            digest.update(name.encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def cache_folder(module: str) -> Path:
-    """Folder that holds the compiled code of exactly this module's sources."""
-    base = os.environ.get("CASEDRAIN_COMPILE_CACHE") or platformdirs.user_cache_dir("casedrain")
-    return Path(base) / "compiled" / _source_hash(module)
+def cache_folder(module: str) -> Path | None:
+    """Folder that holds the compiled code of exactly this module's sources; None where no home is known for one."""
+    base = _base()
+    return None if base is None else base / f"{module}-{_key(module)}"
 
 
 def compiled(function: F) -> F:
@@ -79,10 +41,82 @@ def compiled(function: F) -> F:
     IEEE rules are kept (no ``fastmath``: it makes ``isnan(nan)`` false) and a division by zero gives
     infinity instead of raising: kernels return a status, the typed shell above them writes the message.
     """
-    numba.config.CACHE_DIR = str(cache_folder(function.__module__))  # read when the cache is made, that is here
-    return numba.njit(cache=True, error_model="numpy", nogil=True)(function)  # type: ignore[no-any-return]
+    dispatcher = numba.njit(error_model="numpy", nogil=True)(function)
+    folder = cache_folder(function.__module__)
+    if folder is None:
+        _say_unkept("there is no home folder")
+    elif not numba.config.DISABLE_JIT:
+        dispatcher._cache = _KernelCache(function)  # what numba's own `cache=True` sets
+    return dispatcher  # type: ignore[no-any-return]
 
 
 def inlined(function: F) -> F:
     """Compile a function into each of its callers: for kernels whose many parameters cost more to pass than to use."""
     return numba.njit(inline="always", error_model="numpy", nogil=True)(function)  # type: ignore[no-any-return]
+
+
+class _SourcesLocator(caching._CacheLocator):  # type: ignore[misc]
+    """Where a kernel's compiled code lies: a function of its sources alone."""
+
+    def __init__(self, module: str, file: str) -> None:
+        folder = cache_folder(module)
+        assert folder is not None  # `compiled` asks for a cache only where there is one
+        self._folder, self._stamp = folder, _key(module)
+        self._py_file = file
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        return self._stamp
+
+    def get_disambiguator(self) -> str:
+        return "kernel"
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "_SourcesLocator":
+        return cls(py_func.__module__, py_file)
+
+
+class _KernelCacheFiles(caching.CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = (_SourcesLocator,)
+
+
+class _KernelCache(caching.Cache):  # type: ignore[misc]
+    """numba's cache of one function, which reads where it cannot write."""
+
+    _impl_class = _KernelCacheFiles
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except OSError:  # unreadable: as if it were not there
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _say_unkept(f"{_base()} cannot be written ({error.strerror or error})")
+
+
+def _base() -> Path | None:
+    named = os.environ.get("CASEDRAIN_COMPILE_CACHE")
+    try:
+        return Path(named or platformdirs.user_cache_dir("casedrain")) / "compiled"
+    except RuntimeError:  # no home folder can be told
+        return None
+
+
+@functools.cache
+def _key(module: str) -> str:
+    return f"{sources_hash(module)}-numba{numba_version}"
+
+
+@functools.cache
+def _say_unkept(why: str) -> None:
+    log.warning(
+        "compiled kernels are not kept, every start compiles them again (about 100 s): %s; "
+        "set CASEDRAIN_COMPILE_CACHE to a folder that can be written",
+        why,
+    )

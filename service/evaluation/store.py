@@ -5,7 +5,6 @@ import hashlib
 import os
 import zipfile
 from dataclasses import fields
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +12,9 @@ import numpy as np
 from detectors.evaluation.study import Outcome
 from detectors.thresholds import effective
 from service.evaluation.plan import Chunk
-from twin.compiled import cache_folder
 from twin.pumps import pump_type
-from twin.version import MODEL_NUMBER, twin_version
+from twin.sources import sources_hash
+from twin.version import twin_version
 
 _NAMES = tuple(f.name for f in fields(Outcome))
 
@@ -57,19 +56,10 @@ def _path(folder: Path, chunk: Chunk) -> Path:
 @functools.cache
 def _forecast_sources() -> str:
     """Hash of what forecasts are made by."""
-    digest = hashlib.sha256(cache_folder("detectors.prognosis").name.encode())
-    for package, name in (("service.monitoring", "forecast.py"), ("service.evaluation", "forecasts.py")):
-        digest.update((files(package) / name).read_bytes())
-    return digest.hexdigest()
+    return sources_hash("detectors.prognosis", "service.monitoring.forecast", "service.evaluation.forecasts")
 
 
 @functools.cache
 def _sources() -> str:
     """Hash of the judge's and the simulator's sources with the fitted numbers that they read."""
-    digest = hashlib.sha256(f"{MODEL_NUMBER}".encode())
-    # named after every file of this project that the study imports, directly or not
-    digest.update(cache_folder("detectors.evaluation.small_steps").name.encode())
-    for file in sorted(files("twin.pumps").iterdir(), key=lambda f: f.name):
-        if file.name.endswith(".json"):
-            digest.update(file.name.encode() + file.read_bytes())
-    return digest.hexdigest()
+    return sources_hash("detectors.evaluation.small_steps")

@@ -7,12 +7,13 @@ and snapshots carry their link, so that whether they still hold is seen and need
 import hashlib
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 from detectors.flights import roles_of
 from detectors.snapshot import judge_version
+from service.monitoring import codec, fold
 from service.monitoring.fold import Known, PlacedRecord, pieces
+from twin.sources import sources_hash
 
 
 def chain(known: Known, *versions: object) -> list[str]:
@@ -63,7 +64,4 @@ def _link(*parts: Any) -> str:
 @cache
 def _own_sources() -> str:
     """Hash of the code between the judge and a stored assessment."""
-    digest = hashlib.sha256()
-    for name in ("codec.py", "fold.py"):
-        digest.update((Path(__file__).parent / name).read_bytes())
-    return digest.hexdigest()
+    return sources_hash(codec.__name__, fold.__name__)
