@@ -140,7 +140,7 @@ def _write(node: ast.AST, pieces: list[str]) -> None:
     """A syntax tree as text that no Python version writes otherwise: empty fields are left out, docstrings too."""
     kind = type(node)
     pieces.append(f"({kind.__name__}")
-    for field in _fields(kind):
+    for field in _fields(kind):  # type: ignore[arg-type]  # classes do have a hash
         value = getattr(node, field, None)
         if value is None or value == []:
             continue
