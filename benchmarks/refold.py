@@ -26,12 +26,13 @@ from detectors.observation import Observation
 from service.app import opened
 from service.context import Context
 from service.database import upgrade
-from service.monitoring.analysis import analysis_key, thresholds_of
+from service.monitoring.analysis import analysis_key
 from service.monitoring.codec import reduction_to_json
 from service.monitoring.refold import refold
 from service.monitoring.setting import Setting
 from service.settings import Settings
 from service.tables import ANALYSED, FoldSnapshot, Pump, Record
+from service.threshold_layers import thresholds_of
 from twin.pumps import pump_type
 from twin.version import twin_version
 

@@ -9,10 +9,11 @@ from sqlalchemy import Select, func, select, tuple_
 from sqlalchemy.orm import Session
 
 from service.errors import NotFound
-from service.monitoring.analysis import empty_verdict, thresholds_of
+from service.history.verdicts import empty_verdict
 from service.parameter_sets import held_type
 from service.security import Principal
 from service.tables import Aircraft, ApiKey, Pump, Record, StoredAssessment, VerdictRevision, Webhook
+from service.threshold_layers import thresholds_of
 
 
 def record(session: Session, principal: Principal, record_id: str) -> Record:

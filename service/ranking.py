@@ -10,8 +10,8 @@ from sqlalchemy.orm import Session
 from service import queries
 from service.alarms.life_cycle import PRIORITIES
 from service.alarms.reading import is_shelved
-from service.monitoring.analysis import thresholds_of
 from service.tables import Alarm, Pump
+from service.threshold_layers import thresholds_of
 
 URGENCY: tuple[str, ...] = (
     "pump_degradation",

@@ -232,3 +232,15 @@ def _combinations(session: Session, layers: Iterable[Scope]) -> Iterator[tuple[S
 def etag(row: ThresholdVersion | None) -> str:
     """Entity tag of a version; ``"0"`` before the first."""
     return f'"{row.number if row else 0}"'
+
+
+def thresholds_of(
+    session: Session,
+    operator: str,
+    serial: str,
+    kind: str,
+    known_at: datetime | None = None,
+    candidate: Candidate | None = None,
+) -> Effective:
+    """Effective thresholds of one pump, now, as they were known at an instant, or with a candidate for one layer."""
+    return effective_thresholds(session, pump_scopes(operator, serial, kind), known_at, candidate)

@@ -13,9 +13,9 @@ from service.alarms.ledger import follow
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
 from service.database import Database
 from service.errors import Conflict, Fault, Invalid
-from service.monitoring.analysis import thresholds_of
 from service.security import Principal
 from service.tables import Alarm, AlarmAction, Pump, StoredAssessment
+from service.threshold_layers import thresholds_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,6 @@ from service.context import Context, context_of, principal, visitor_of
 from service.dashboard.charts import sparkline_svg, trend_svg
 from service.dashboard.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 from service.errors import NotFound, Problem, Unauthenticated
-from service.monitoring.analysis import thresholds_of
 from service.monitoring.curve import curve_of
 from service.monitoring.forecast import forecast_of
 from service.monitoring.knowledge import entries
@@ -31,6 +30,7 @@ from service.routes.fleet import fleet
 from service.routes.pumps import shown
 from service.security import Principal
 from service.tables import Finding, Pump
+from service.threshold_layers import thresholds_of
 
 _HERE = Path(__file__).resolve().parent
 STATIC = StaticFiles(directory=_HERE / "static")

@@ -20,7 +20,7 @@ from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.metadata import TypeLookup
 from service.ingest.parse import check_type
-from service.monitoring.analysis import analysed, keep_analysis, thresholds_of
+from service.monitoring.analysis import analysed, keep_analysis
 from service.monitoring.archive import Archive, RegisteredType
 from service.monitoring.knowledge import setting_of
 from service.monitoring.refold import Cause, refold
@@ -29,6 +29,7 @@ from service.registry.arrival import known_aircraft
 from service.security import Principal
 from service.spool import SpooledFile
 from service.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
+from service.threshold_layers import thresholds_of
 from twin.parameters import PumpType
 
 

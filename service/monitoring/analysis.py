@@ -5,19 +5,15 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy.orm import Session
-
 from detectors.flights import Outline
 from detectors.observation import Observation, Window, WindowKind
 from detectors.reduction import reduce_recording
 from detectors.residuals import window_residuals
-from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
-from detectors.wording import advice
-from service.monitoring.codec import reduction_from_json, reduction_to_json, residuals_to_json, verdict_to_json
+from service.monitoring.codec import reduction_from_json, reduction_to_json, residuals_to_json
 from service.monitoring.placement import Place
 from service.monitoring.setting import Setting
 from service.tables import Record
-from service.threshold_layers import Candidate, Effective, effective_thresholds, pump_scopes
+from service.threshold_layers import Effective
 from twin.parameters import PumpType
 from twin.recording import Recording
 from twin.version import twin_version
@@ -37,18 +33,6 @@ class RecordAnalysis:
 def keep_analysis(row: Record, analysis: RecordAnalysis) -> None:
     """Write an analysis into its record's row."""
     row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
-
-
-def thresholds_of(
-    session: Session,
-    operator: str,
-    serial: str,
-    kind: str,
-    known_at: datetime | None = None,
-    candidate: Candidate | None = None,
-) -> Effective:
-    """Effective thresholds of one pump, now, as they were known at an instant, or with a candidate for one layer."""
-    return effective_thresholds(session, pump_scopes(operator, serial, kind), known_at, candidate)
 
 
 def analysed(recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective) -> RecordAnalysis:
@@ -104,25 +88,3 @@ def observation_at(outline: Outline, reduction: dict[str, Any], flight_hours: fl
         flight_hours=flight_hours,
         segment=outline.segment,
     )
-
-
-def empty_verdict(kind: PumpType, thresholds: Effective) -> dict[str, Any]:
-    """Verdict of a pump without records."""
-    missing = int(thresholds.values["baseline_records"])
-    state = State.INSUFFICIENT_DATA
-    verdict = Verdict(
-        state=state,
-        side=SIDE_OF[state],
-        since=None,
-        confidence=max(UNINFORMED.values()),
-        probabilities=UNINFORMED,
-        candidates=(),
-        secondary=None,
-        sensor=None,
-        estimates={},
-        minimum_detectable={},
-        quality=Quality(0, 0, "nominal", ()),
-        advice=advice(state, (), {}, thresholds.values["case_flow_limit_lpm"], missing),
-        resolving_measurement=None,
-    )
-    return verdict_to_json(verdict, twin_version(kind), thresholds.version)

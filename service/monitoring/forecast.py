@@ -17,11 +17,11 @@ from sqlalchemy.orm import Session
 from detectors.prognosis import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoForecast, forecast
 from detectors.verdict import State
 from service import queries
-from service.monitoring.analysis import thresholds_of
 from service.monitoring.knowledge import installation_intervals
 from service.monitoring.placement import changes
 from service.queries import TrendOfRecord
 from service.tables import Pump
+from service.threshold_layers import thresholds_of
 
 METRIC = "case_flow_at_reference_lpm"
 SPACING = 5

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from detectors.flights import Outline
 from detectors.observation import Maintenance, Observation
 from service.ingest.decode import DEFAULT_PUMP_TYPE
-from service.monitoring.analysis import RecordAnalysis, analysed, analysis_key, observation_at, thresholds_of
+from service.monitoring.analysis import RecordAnalysis, analysed, analysis_key, observation_at
 from service.monitoring.archive import Archive
 from service.monitoring.fold import Known, Observations, PlacedRecord
 from service.monitoring.placement import Interval, Place, changes, place_at
@@ -30,7 +30,7 @@ from service.tables import (
     ReductionOutline,
     RegistryVersion,
 )
-from service.threshold_layers import Effective
+from service.threshold_layers import Effective, thresholds_of
 from twin.version import twin_version
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)

@@ -13,14 +13,13 @@ from service.alarms.comparison import gained_and_lost
 from service.alarms.ledger import points_of
 from service.alarms.life_cycle import Life, Point, lives, rules_of
 from service.errors import Invalid, TooLarge
-from service.monitoring.analysis import thresholds_of
 from service.monitoring.archive import Archive
 from service.monitoring.knowledge import entries, knowledge
 from service.monitoring.reanalysis import points_of_fold, pumps_of
 from service.registry.findings import NO_FAULT_FOUND
 from service.security import Principal
 from service.tables import ANALYSED, Finding, Pump, Record
-from service.threshold_layers import Candidate, Scope, value_faults
+from service.threshold_layers import Candidate, Scope, thresholds_of, value_faults
 
 
 @dataclass(frozen=True, slots=True)

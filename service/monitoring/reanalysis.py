@@ -13,7 +13,7 @@ from service.alarms.ledger import point_of, points_of
 from service.alarms.life_cycle import Point, Rules, lives, rules_of
 from service.database import Database
 from service.errors import Problem
-from service.monitoring.analysis import keep_analysis, thresholds_of
+from service.monitoring.analysis import keep_analysis
 from service.monitoring.archive import Archive
 from service.monitoring.codec import verdict_to_json
 from service.monitoring.fold import fold
@@ -21,7 +21,7 @@ from service.monitoring.knowledge import Knowledge, knowledge
 from service.monitoring.refold import REPROCESSED, Cause, refold
 from service.parameter_sets import held_type
 from service.tables import ANALYSED, Pump, Record
-from service.threshold_layers import Effective, Scope, effective_thresholds, pump_scopes
+from service.threshold_layers import Effective, Scope, effective_thresholds, pump_scopes, thresholds_of
 from service.threshold_pins import hold, newest_number
 from twin.version import twin_version
 

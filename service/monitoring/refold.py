@@ -10,8 +10,9 @@ from sqlalchemy.orm import Session
 
 from detectors.verdict import Assessment
 from service.alarms.ledger import follow
+from service.history.verdicts import empty_verdict
 from service.monitoring import snapshots
-from service.monitoring.analysis import empty_verdict, keep_analysis
+from service.monitoring.analysis import keep_analysis
 from service.monitoring.archive import Archive
 from service.monitoring.chain import chain
 from service.monitoring.codec import trend_to_json, verdict_to_json

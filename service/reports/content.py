@@ -10,7 +10,6 @@ from sqlalchemy.orm import Session
 
 from service import queries
 from service.alarms import reading
-from service.monitoring.analysis import thresholds_of
 from service.monitoring.forecast import forecast_of
 from service.monitoring.knowledge import entries
 from service.monitoring.trend import points_of, thinned
@@ -20,6 +19,7 @@ from service.registry.findings import judged_findings, rates
 from service.routes.pumps import shown
 from service.security import Principal
 from service.tables import Finding, Pump
+from service.threshold_layers import thresholds_of
 
 TRENDS = ("case_flow_at_reference_lpm", "system_leakage_change_lpm")
 """Metrics that a report draws for each pump: the pump's own wear, and its circuit's."""

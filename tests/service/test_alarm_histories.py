@@ -13,8 +13,8 @@ from sqlalchemy.orm import Session
 from service.alarms.ledger import actions_of, points_of
 from service.alarms.life_cycle import lives, rules_of
 from service.database import Database
-from service.monitoring.analysis import thresholds_of
 from service.tables import Alarm, AlarmAction, Pump
+from service.threshold_layers import thresholds_of
 from tests.service.histories import day, write_history
 
 

@@ -1,0 +1,1 @@
+"""What is known of a pump, now or as it was known then."""

@@ -1,0 +1,32 @@
+"""The verdict of a pump of which nothing is known yet."""
+
+from typing import Any
+
+from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
+from detectors.wording import advice
+from service.monitoring.codec import verdict_to_json
+from service.threshold_layers import Effective
+from twin.parameters import PumpType
+from twin.version import twin_version
+
+
+def empty_verdict(kind: PumpType, thresholds: Effective) -> dict[str, Any]:
+    """Verdict of a pump without records."""
+    missing = int(thresholds.values["baseline_records"])
+    state = State.INSUFFICIENT_DATA
+    verdict = Verdict(
+        state=state,
+        side=SIDE_OF[state],
+        since=None,
+        confidence=max(UNINFORMED.values()),
+        probabilities=UNINFORMED,
+        candidates=(),
+        secondary=None,
+        sensor=None,
+        estimates={},
+        minimum_detectable={},
+        quality=Quality(0, 0, "nominal", ()),
+        advice=advice(state, (), {}, thresholds.values["case_flow_limit_lpm"], missing),
+        resolving_measurement=None,
+    )
+    return verdict_to_json(verdict, twin_version(kind), thresholds.version)

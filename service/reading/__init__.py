@@ -1,0 +1,1 @@
+"""Questions to stored answers; nothing here writes."""
