@@ -11,8 +11,8 @@ from typing import Any
 
 from detectors.flights import roles_of
 from detectors.snapshot import judge_version
+from service.history.known import Known, PlacedRecord, pieces
 from service.monitoring import codec, fold
-from service.monitoring.fold import Known, PlacedRecord, pieces
 from twin.sources import sources_hash
 
 

@@ -1,49 +1,15 @@
 """The fold: from everything that is known of one pump to its verdicts, one per record in event order. Pure."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
 from detectors.assessment import Fold
-from detectors.flights import Outline, roles_of
-from detectors.observation import History, Maintenance, Observation
+from detectors.flights import roles_of
+from detectors.observation import History
 from detectors.snapshot import snapshot
-from detectors.type_correction import HealthyCurve
 from detectors.verdict import Assessment, Verdict
-from service.monitoring.setting import Setting
-from twin.parameters import PumpType
-
-Observations = Callable[[Sequence[str]], Mapping[str, Observation]]
-"""Gives the observations of records: those that the fold needs, and no others."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlacedRecord:
-    """A record where the pump really sat, in its surroundings, without its numbers.
-
-    ``digest`` stands for its reduction, ``flags`` are remarks on this record.
-    """
-
-    outline: Outline
-    digest: str
-    setting: Setting
-    flags: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Known:
-    """Everything that a pump's verdicts are a function of, apart from reductions and the twin's version.
-
-    ``placed`` is in event order: by instant, then by record.
-    ``healthy`` is the pump type's measured curve that stands in for the twin's, None where nobody has measured one.
-    """
-
-    kind: PumpType
-    thresholds: Mapping[str, float]
-    placed: tuple[PlacedRecord, ...]
-    maintenance: tuple[Maintenance, ...] = ()
-    installation_changes: tuple[datetime, ...] = ()
-    healthy: HealthyCurve | None = None
+from service.history.known import Known, Observations, PlacedRecord, pieces
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,13 +78,6 @@ def steps(
             verdict = _flagged(replace(assessment.verdict, since=since), carried[number - 1])
             kept = snapshot(held) if number in snapshots_at else None
             yield Step(replace(assessment, verdict=verdict), kept)
-
-
-def pieces(placed: Sequence[PlacedRecord]) -> list[tuple[int, int]]:
-    """Stretches of equal settings as (start, end)."""
-    settings = [p.setting for p in placed]
-    starts = [i for i, setting in enumerate(settings) if i == 0 or setting != settings[i - 1]]
-    return list(zip(starts, [*starts[1:], len(settings)], strict=True)) if starts else []
 
 
 def _carried_flags(placed: Sequence[PlacedRecord]) -> list[Mapping[str, int]]:

@@ -10,10 +10,10 @@ from sqlalchemy.orm import Session
 
 from detectors.flights import Outline
 from detectors.observation import Maintenance, Observation
+from service.history.known import Known, Observations, PlacedRecord
 from service.ingest.decode import DEFAULT_PUMP_TYPE
 from service.monitoring.analysis import RecordAnalysis, analysed, analysis_key, observation_at
 from service.monitoring.archive import Archive
-from service.monitoring.fold import Known, Observations, PlacedRecord
 from service.monitoring.placement import Interval, Place, changes, place_at
 from service.monitoring.setting import Setting, setting_at
 from service.parameter_sets import held_type

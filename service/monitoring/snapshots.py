@@ -7,7 +7,8 @@ from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from detectors.snapshot import fold_from
-from service.monitoring.fold import Known, Start, Step
+from service.history.known import Known
+from service.monitoring.fold import Start, Step
 from service.tables import FoldSnapshot
 
 _NEWEST = 2

@@ -12,7 +12,8 @@ from detectors.observation import History, Observation, Reduction
 from detectors.reduction import reduce_recording
 from detectors.thresholds import effective
 from detectors.verdict import Assessment
-from service.monitoring.fold import Known, PlacedRecord, fold
+from service.history.known import Known, PlacedRecord
+from service.monitoring.fold import fold
 from service.monitoring.placement import Interval, changes, place_at
 from service.monitoring.setting import Setting, setting_at
 from service.registry.silence import patience

@@ -1,0 +1,50 @@
+"""Everything that a pump's verdicts are a function of: gathered here, folded above."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from detectors.flights import Outline
+from detectors.observation import Maintenance, Observation
+from detectors.type_correction import HealthyCurve
+from service.monitoring.setting import Setting
+from twin.parameters import PumpType
+
+Observations = Callable[[Sequence[str]], Mapping[str, Observation]]
+"""Gives the observations of records: those that the fold needs, and no others."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedRecord:
+    """A record where the pump really sat, in its surroundings, without its numbers.
+
+    ``digest`` stands for its reduction, ``flags`` are remarks on this record.
+    """
+
+    outline: Outline
+    digest: str
+    setting: Setting
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """Everything that a pump's verdicts are a function of, apart from reductions and the twin's version.
+
+    ``placed`` is in event order: by instant, then by record.
+    ``healthy`` is the pump type's measured curve that stands in for the twin's, None where nobody has measured one.
+    """
+
+    kind: PumpType
+    thresholds: Mapping[str, float]
+    placed: tuple[PlacedRecord, ...]
+    maintenance: tuple[Maintenance, ...] = ()
+    installation_changes: tuple[datetime, ...] = ()
+    healthy: HealthyCurve | None = None
+
+
+def pieces(placed: Sequence[PlacedRecord]) -> list[tuple[int, int]]:
+    """Stretches of equal settings as (start, end)."""
+    settings = [p.setting for p in placed]
+    starts = [i for i, setting in enumerate(settings) if i == 0 or setting != settings[i - 1]]
+    return list(zip(starts, [*starts[1:], len(settings)], strict=True)) if starts else []
