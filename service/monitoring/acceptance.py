@@ -16,6 +16,7 @@ from sqlalchemy.orm import Session
 from service import audit
 from service.database import Database
 from service.errors import Conflict, Fault, Invalid, NotFound, Problem
+from service.history.arrival import known_aircraft
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.metadata import TypeLookup
@@ -25,7 +26,6 @@ from service.monitoring.archive import Archive, RegisteredType
 from service.monitoring.knowledge import setting_of
 from service.monitoring.refold import Cause, refold
 from service.parameter_sets import find_type, held_type
-from service.registry.arrival import known_aircraft
 from service.security import Principal
 from service.spool import SpooledFile
 from service.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from detectors.flights import Outline
 from detectors.observation import Maintenance, Observation
+from service.history.healthy_curves import healthy_curve
 from service.history.known import Known, Observations, PlacedRecord
 from service.ingest.decode import DEFAULT_PUMP_TYPE
 from service.monitoring.analysis import RecordAnalysis, analysed, analysis_key, observation_at
@@ -17,7 +18,6 @@ from service.monitoring.archive import Archive
 from service.monitoring.placement import Interval, Place, changes, place_at
 from service.monitoring.setting import Setting, setting_at
 from service.parameter_sets import held_type
-from service.registry.reference_curves import healthy_curve
 from service.tables import (
     ANALYSED,
     SUPERSEDED,

@@ -16,9 +16,9 @@ from service.errors import Invalid, TooLarge
 from service.monitoring.archive import Archive
 from service.monitoring.knowledge import entries, knowledge
 from service.monitoring.reanalysis import points_of_fold, pumps_of
-from service.registry.findings import NO_FAULT_FOUND
 from service.security import Principal
 from service.tables import ANALYSED, Finding, Pump, Record
+from service.tables.history import NO_FAULT_FOUND
 from service.threshold_layers import Candidate, Scope, thresholds_of, value_faults
 
 

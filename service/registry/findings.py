@@ -17,8 +17,8 @@ from service.registry.entries import add, correct, entry
 from service.registry.fields import Instant, Note
 from service.security import Principal
 from service.tables import Finding, Pump, StoredAssessment
+from service.tables.history import NO_FAULT_FOUND
 
-NO_FAULT_FOUND = "no_fault_found"
 Found = Literal[
     "pump_degradation",
     "compensator_fault",

@@ -7,6 +7,9 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.tables.base import Base
 
+NO_FAULT_FOUND = "no_fault_found"
+"""The word for a pump in which the workshop found nothing wrong."""
+
 
 class Entry:
     """Columns of everything that people enter about a pump.
