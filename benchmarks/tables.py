@@ -21,7 +21,7 @@ from service import queries
 from service.app import create_app
 from service.database import Database, upgrade
 from service.monitoring.trend import trend_of
-from service.routes.pumps import shown
+from service.reading.fleet import pump_documents
 from service.security import Principal
 from service.settings import Settings
 from service.tables import Pump
@@ -102,7 +102,7 @@ def _times(database: Database) -> dict[str, Any]:
         "newest_records_of_an_operator_ms": of_pumps(
             lambda s, _: s.scalars(queries.records(principal).limit(100)).all()
         ),
-        "list_of_all_pumps_ms": of_pumps(lambda s, _: shown(s, list(s.scalars(select(Pump)))), n=5),
+        "list_of_all_pumps_ms": of_pumps(lambda s, _: pump_documents(s, list(s.scalars(select(Pump)))), n=5),
         "their_last_assessments_ms": of_pumps(
             lambda s, _: queries.last_assessments(s, list(s.scalars(select(Pump.id))))
         ),

@@ -24,10 +24,9 @@ from service.monitoring.curve import curve_of
 from service.monitoring.forecast import forecast_of
 from service.monitoring.knowledge import entries
 from service.monitoring.trend import points_of, trend_of
+from service.reading.agreement import judged_findings, rates
+from service.reading.fleet import fleet, pump_documents
 from service.registry import findings
-from service.registry.findings import judged_findings, rates
-from service.routes.fleet import fleet
-from service.routes.pumps import shown
 from service.security import Principal
 from service.tables import Finding, Pump
 from service.threshold_layers import thresholds_of
@@ -105,7 +104,8 @@ def html_page(template: str, status: int, values: dict[str, Any]) -> HTMLRespons
 
 def _fleet_body(request: Request, context: Context, page: int) -> _Body:
     asker = principal(request)
-    everyone = fleet(context, asker)
+    with context.database.reading() as session:
+        everyone = fleet(session, asker)
     last = max(1, -(-len(everyone) // _PUMPS_PER_PAGE))
     page = min(max(page, 1), last)
     pumps = everyone[(page - 1) * _PUMPS_PER_PAGE : page * _PUMPS_PER_PAGE]
@@ -148,7 +148,7 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
     asker = principal(request)
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
-        document = shown(session, [row])[0]
+        document = pump_documents(session, [row])[0]
         if document["records"] == 0:
             raise NotFound(f"pump {serial} has no analysed record yet")
         values = {

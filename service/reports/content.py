@@ -14,9 +14,9 @@ from service.monitoring.forecast import forecast_of
 from service.monitoring.knowledge import entries
 from service.monitoring.trend import points_of, thinned
 from service.ranking import ranked
+from service.reading.agreement import judged_findings, rates
+from service.reading.fleet import pump_documents
 from service.registry import findings
-from service.registry.findings import judged_findings, rates
-from service.routes.pumps import shown
 from service.security import Principal
 from service.tables import Finding, Pump
 from service.threshold_layers import thresholds_of
@@ -40,7 +40,7 @@ class Period:
 
 def overview(session: Session, principal: Principal, rows: Sequence[Pump], period: Period) -> dict[str, Any]:
     """The fleet as it stands now, ranked with reasons, and how often the workshop agreed; alarms of the period."""
-    ranking = ranked(session, rows, shown(session, list(rows)))
+    ranking = ranked(session, rows, pump_documents(session, list(rows)))
     ids = {row.id for row in rows}
     found = [
         reading.shown(alarm, serial, kind)
@@ -63,7 +63,7 @@ def pump_chapter(session: Session, principal: Principal, row: Pump, period: Peri
     alarms = session.execute(reading.alarms(principal, serial=row.serial, operator=row.operator))
     trends = {m: thinned(points_of(assessments, m, period.since, period.until), _POINTS) for m in TRENDS}
     return {
-        "pump": shown(session, [row])[0],
+        "pump": pump_documents(session, [row])[0],
         "verdict": queries.verdict(session, row),
         "forecast": forecast_of(session, row),
         "case_flow_limit_lpm": limit,

@@ -11,26 +11,19 @@ from service.context import Asker, ContextOf
 from service.monitoring.fleet_trend import GroupBy, fleet_trend
 from service.monitoring.trend import check_metric
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, cursor_after, place_of
-from service.ranking import by_state, ranked
+from service.ranking import ranked
+from service.reading.agreement import judged_findings, rates
+from service.reading.fleet import fleet, pump_documents
 from service.registry.fields import Instant
-from service.registry.findings import judged_findings, rates
-from service.routes.pumps import shown
 
 router = APIRouter(prefix="/fleet", tags=["fleet"])
-
-
-def fleet(context: ContextOf, asker: Asker) -> list[dict[str, Any]]:
-    """All pumps that this key may see, the most urgent first."""
-    with context.database.reading() as session:
-        pumps = shown(session, list(session.scalars(queries.pumps(asker))))
-    return sorted(pumps, key=by_state)
 
 
 @router.get("/summary", summary="How the fleet is")
 def summary(context: ContextOf, asker: Asker) -> dict[str, Any]:
     """Counts by state and side, pumps that want attention or have gone silent, and how often the workshop agreed."""
-    pumps = fleet(context, asker)
     with context.database.reading() as session:
+        pumps = fleet(session, asker)
         judged = judged_findings(session, asker)
     quiet = ("healthy", "insufficient_data")
     return {
@@ -57,7 +50,7 @@ def ranking(
     start = place[0] if place is not None else 0
     with context.database.reading() as session:
         rows = list(session.scalars(queries.pumps(asker)))
-        items = ranked(session, rows, shown(session, rows))
+        items = ranked(session, rows, pump_documents(session, rows))
     end = start + limit
     return {"items": items[start:end], "next": cursor_after(query, [end]) if end < len(items) else None}
 

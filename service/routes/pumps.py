@@ -5,7 +5,6 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
-from sqlalchemy.orm import Session
 
 from detectors.curve_svg import curve_svg
 from detectors.verdict import TREND_METRICS
@@ -17,29 +16,15 @@ from service.monitoring.forecast import forecast_of
 from service.monitoring.refold import verdict_known_at
 from service.monitoring.trend import check_metric, trend_of
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+from service.reading.fleet import pump_documents
 from service.registry import pumps as registry
 from service.registry.fields import Instant
 from service.registry.installations import current_installation
 from service.registry.locks import locked_pump
-from service.registry.silence import Silence, silent_pumps
-from service.tables import Pump, StoredAssessment, VerdictRevision
+from service.tables import VerdictRevision
 
 router = APIRouter(prefix="/pumps", tags=["pumps"])
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]
-
-
-def shown(session: Session, rows: list[Pump]) -> list[dict[str, Any]]:
-    """Pumps as the API shows them, with where they were last seen and how they are."""
-    ids = [row.id for row in rows]
-    newest, counts = queries.last_assessments(session, ids), queries.n_records(session, ids)
-    silent = silent_pumps(session, ids, datetime.now(UTC))
-    flights = queries.flights_of(session, [assessment.record_id for assessment in newest.values()])
-    found = []
-    for row in rows:
-        last = newest.get(row.id)
-        flight = flights.get(last.record_id) if last is not None else None
-        found.append(_pump(session, row, last, flight, counts.get(row.id, 0), silent.get(row.id)))
-    return found
 
 
 @router.get("", summary="List pumps")
@@ -54,7 +39,7 @@ def listed(
     after = place_of(query, cursor)
     with context.database.reading() as session:
         rows = list(session.scalars(queries.pumps(asker, after).limit(limit + 1)))
-        documents = {row.id: d for row, d in zip(rows, shown(session, rows), strict=True)}
+        documents = {row.id: d for row, d in zip(rows, pump_documents(session, rows), strict=True)}
         return page(rows, limit, query, lambda r: [r.operator, r.serial], lambda r: documents[r.id])
 
 
@@ -69,7 +54,7 @@ def create(body: registry.NewPump, response: Response, context: ContextOf, asker
             details = body.model_dump(mode="json", exclude_unset=True)
             audit.note(session, asker, "pump.register", f"pump/{row.serial}", row.operator, details)
             response.headers["Location"] = f"/api/v1/pumps/{row.serial}"
-            return shown(session, [row])[0]
+            return pump_documents(session, [row])[0]
     except IntegrityError:
         raise Conflict(f"pump {body.serial} was registered at the same moment") from None
 
@@ -79,7 +64,9 @@ def one(serial: str, context: ContextOf, asker: Asker, operator: Operator = None
     """A pump, where it sits, whether it has gone silent, how it is."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
-        return shown(session, [row])[0] | {"installation": current_installation(session, row, datetime.now(UTC))}
+        return pump_documents(session, [row])[0] | {
+            "installation": current_installation(session, row, datetime.now(UTC))
+        }
 
 
 @router.patch("/{serial}", summary="Confirm or change a pump")
@@ -93,7 +80,7 @@ def change(
         registry.change(session, row, body, asker.owner, context.archive)
         details = body.model_dump(mode="json", exclude_unset=True)
         audit.note(session, asker, "pump.change", f"pump/{row.serial}", row.operator, details)
-        return shown(session, [row])[0]
+        return pump_documents(session, [row])[0]
 
 
 @router.get("/{serial}/verdict", summary="Verdict of one pump")
@@ -197,34 +184,4 @@ def _revision(row: VerdictRevision) -> dict[str, Any]:
         "cause": row.cause,
         "cause_id": row.cause_id,
         "changed_at": row.changed_at,
-    }
-
-
-def _pump(
-    session: Session,
-    row: Pump,
-    newest: StoredAssessment | None,
-    last: queries.Flight | None,
-    n_records: int,
-    silence: Silence | None,
-) -> dict[str, Any]:
-    verdict = queries.verdict(session, row) if newest is None else newest.verdict
-    return {
-        "serial": row.serial,
-        "operator": row.operator,
-        "pump_type": row.pump_type,
-        "confirmed": row.confirmed,
-        "aircraft": newest.aircraft if newest else None,
-        "position": newest.position if newest else None,
-        "records": n_records,
-        "last_record_at": last.started_at if last else None,
-        "flight_hours": last.flight_hours if last else None,
-        "silent": silence is not None,
-        "silence_unusual_from": silence.unusual_from if silence else None,
-        "state": verdict["state"],
-        "side": verdict["side"],
-        "since": verdict["since"],
-        "confidence": verdict["confidence"],
-        "candidates": verdict["candidates"],
-        "advice": verdict["advice"],
     }

@@ -192,7 +192,7 @@ class TestFindings:
 
 
 def test_rates_by_hand() -> None:
-    from service.registry.findings import JudgedFinding, rates
+    from service.reading.agreement import JudgedFinding, rates
 
     judged = [
         *[JudgedFinding("pump_degradation", "pump_degradation")] * 6,

@@ -1,0 +1,83 @@
+"""How often the workshop agreed with the verdicts: false alarms, missed faults, right sides."""
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from scipy.stats import binomtest
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from detectors.verdict import FAULTS, SIDE_OF, State
+from service.security import Principal
+from service.tables import Finding, Pump, StoredAssessment
+from service.tables.history import NO_FAULT_FOUND
+
+_QUIET = (State.HEALTHY.value, State.INSUFFICIENT_DATA.value)
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedFinding:
+    """A finding beside the state that the verdict had by then; ``state`` None without any record."""
+
+    found: str
+    state: str | None
+
+    @property
+    def was_alarm(self) -> bool:
+        """True where the verdict named a fault or said that something has changed."""
+        return self.state is not None and self.state not in _QUIET
+
+
+def judged_findings(session: Session, principal: Principal) -> list[JudgedFinding]:
+    """Every finding that the asker may see, beside the verdict at its instant (today's knowledge)."""
+    query = select(Finding.pump_id, Finding.at, Finding.found).join(Pump, Finding.pump_id == Pump.id)
+    query = query.where(Finding.withdrawn_at.is_(None))
+    if principal.operator is not None:
+        query = query.where(Pump.operator == principal.operator)
+    rows = session.execute(query).all()
+    states = _states(session, {pump_id for pump_id, _, _ in rows})
+    judged = []
+    for pump_id, at, found in rows:
+        history = states.get(pump_id, [])
+        place = bisect_right(history, at, key=lambda item: item[0])
+        judged.append(JudgedFinding(found, history[place - 1][1] if place else None))
+    return judged
+
+
+def rates(judged: Iterable[JudgedFinding]) -> dict[str, Any]:
+    """How often the workshop agreed, with Wilson 95 % intervals.
+
+    ``false_alarms``: of the findings on a pump in alarm, those where nothing was found. ``missed``: of the findings
+    of a fault, those on a pump that was not in alarm. ``side_right``: of the faults found on a pump whose alarm named
+    a side, those on that side. A share without any case is null.
+    """
+    judged = list(judged)
+    alarms = [j for j in judged if j.was_alarm]
+    faults = [j for j in judged if j.found != NO_FAULT_FOUND]
+    named = [j for j in alarms if j.found != NO_FAULT_FOUND and j.state in {f.value for f in FAULTS}]
+    right = [j for j in named if SIDE_OF[State(j.found)] is SIDE_OF[State(str(j.state))]]
+    return {
+        "count": len(judged),
+        "false_alarms": _share(sum(j.found == NO_FAULT_FOUND for j in alarms), len(alarms)),
+        "missed": _share(sum(not j.was_alarm for j in faults), len(faults)),
+        "side_right": _share(len(right), len(named)),
+    }
+
+
+def _share(cases: int, of: int) -> dict[str, Any]:
+    if of == 0:
+        return {"cases": 0, "of": 0, "share": None, "low": None, "high": None}
+    interval = binomtest(cases, of).proportion_ci(0.95, method="wilson")
+    return {"cases": cases, "of": of, "share": cases / of, "low": float(interval.low), "high": float(interval.high)}
+
+
+def _states(session: Session, pump_ids: Iterable[int]) -> dict[int, Sequence[tuple[datetime, str]]]:
+    query = select(StoredAssessment.pump_id, StoredAssessment.at, StoredAssessment.state)
+    query = query.where(StoredAssessment.pump_id.in_(pump_ids))
+    found: dict[int, list[tuple[datetime, str]]] = {}
+    for pump_id, at, state in session.execute(query.order_by(StoredAssessment.at, StoredAssessment.record_id)):
+        found.setdefault(pump_id, []).append((at, state))
+    return dict(found)
