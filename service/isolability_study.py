@@ -10,7 +10,7 @@ from detectors.isolability import Isolability, isolability
 from detectors.isolability_plan import Plan, PlanFaultsError, plan_faults, sensors_of
 from detectors.isolability_svg import isolability_svg
 from detectors.isolability_table import case_sensor
-from service.routes.twin_isolability import isolability_document
+from service.studies.isolability_document import isolability_document
 from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
 from twin.pumps.circuits import CIRCUITS
 

@@ -1,18 +1,17 @@
 """Isolability: what given sensors could detect and isolate, before anybody buys them."""
 
-import math
 from typing import Annotated, Any
 
 from fastapi import APIRouter
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
-from detectors.isolability import FaultBound, Isolability, isolability
+from detectors.isolability import isolability
 from detectors.isolability_plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
 from detectors.isolability_table import REPEATABILITY_SHARE
-from detectors.verdict import SIDE_OF
 from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
 from service.parameter_sets import find_type, types
+from service.studies.isolability_document import isolability_document
 from twin.parameters import PumpType, Sensor
 from twin.pumps import PUMP_TYPES, circuit_parameters
 from twin.pumps.circuits import CIRCUITS
@@ -107,54 +106,6 @@ def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> dict[st
     if wrong:
         raise Invalid("the study has 1 fault(s)", wrong)
     return isolability_document(found) | {"pump_type": body.pump_type, "circuit": body.circuit}
-
-
-def isolability_document(found: Isolability) -> dict[str, Any]:
-    """Bounds as JSON; null where no size inside the linear model would do."""
-    plan = found.plan
-    return {
-        "flights": plan.flights,
-        "baseline_flights": plan.baseline_flights,
-        "temperature_range_degc": list(plan.temperature_range_degc),
-        "windows_per_flight": plan.windows_per_flight,
-        "ground_run_flows_lpm": list(plan.ground_run_flows_lpm),
-        "ground_run_every": plan.ground_run_every,
-        "burst": plan.burst,
-        "false_alarm_probability": plan.false_alarm_probability,
-        "detection_probability": plan.detection_probability,
-        "case_pressure_range_bar": list(found.case_pressure_range_bar),
-        "remarks": list(found.remarks),
-        "faults": {fault.name: _fault(fault) for fault in found.faults},
-    }
-
-
-def _fault(fault: FaultBound) -> dict[str, Any]:
-    return {
-        "state": fault.state.value,
-        "side": SIDE_OF[fault.state].value,
-        "unit": fault.unit,
-        "smallest_detectable": _size(fault.smallest_detectable),
-        "smallest_isolable": _size(fault.smallest_isolable),
-        "largest_considered": fault.largest,
-        "ambiguity_group": list(fault.ambiguity_group),
-        "rivals": [
-            {
-                "name": r.name,
-                "state": r.state.value,
-                "smallest_isolable": _size(r.smallest_isolable),
-                "cosine": r.cosine,
-            }
-            for r in fault.rivals
-        ],
-        "by_flights": {
-            "smallest_detectable": [_size(float(v)) for v in fault.detectable_by_flights],
-            "smallest_isolable": [_size(float(v)) for v in fault.isolable_by_flights],
-        },
-    }
-
-
-def _size(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _plan(body: IsolabilityRequest, kind: PumpType) -> Plan:
