@@ -23,13 +23,13 @@ from detectors.evaluation.rows import LEAKS, Growing
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
 from detectors.observation import Observation
-from service.app import opened
 from service.context import Context
 from service.database import upgrade
 from service.monitoring.analysis import analysis_key
 from service.monitoring.codec import reduction_to_json
 from service.monitoring.refold import refold
 from service.monitoring.setting import Setting
+from service.running import opened
 from service.settings import Settings
 from service.tables import ANALYSED, FoldSnapshot, Pump, Record
 from service.threshold_layers import thresholds_of

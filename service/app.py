@@ -27,15 +27,9 @@ from service.context import Context
 from service.dashboard.actions import action_router
 from service.dashboard.pages import STATIC, page_router
 from service.dashboard.sign_in import sign_in_router
-from service.database import Database, pending_migration, upgrade
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Unavailable
-from service.ingest.parser_pool import ParserLimits, ParserPool
-from service.ingest.raw import Limits
 from service.jobs import engine
-from service.monitoring.acceptance import Acceptance
-from service.monitoring.archive import Archive
 from service.notifications.worker import Postman
-from service.raw_store import RawStore
 from service.registry.deletion import finish_deletions
 from service.registry.operators import expire
 from service.routes import (
@@ -63,8 +57,8 @@ from service.routes import (
     webhooks,
 )
 from service.routes import twin as twin_routes
+from service.running import opened
 from service.settings import Settings
-from service.spool import Spool
 
 API_PREFIX = "/api/v1"
 _DAY_S = 86_400.0
@@ -150,33 +144,6 @@ def create_app(settings: Settings) -> FastAPI:
     app.middleware("http")(_addressed)
     app.middleware("http")(_logged)
     return app
-
-
-def opened(settings: Settings) -> Context:
-    """Open database and raw store.
-
-    An SQLite file is migrated; a Postgres database that is behind is left alone.
-
-    Raises
-    ------
-    RuntimeError
-        when a Postgres database is behind.
-    """
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
-    database = Database(settings.effective_database_url)
-    behind = pending_migration(database)
-    if behind is not None:
-        if not database.is_sqlite:
-            database.close()
-            raise RuntimeError(behind)
-        upgrade(settings.effective_database_url)
-    raw_store = RawStore(settings.effective_raw_store_url)
-    limits = Limits(settings.max_inflated_bytes, settings.max_rows)
-    spool = Spool(settings.effective_spool_dir)
-    parser_limits = ParserLimits(settings.max_parse_seconds, settings.max_parse_memory_bytes)
-    parser = ParserPool(spool.folder, parser_limits, settings.parse_workers)
-    archive = Archive(raw_store, spool, parser, limits)
-    return Context(settings, database, archive, Acceptance(database, archive))
 
 
 def _pick_up(context: Context) -> None:

@@ -110,7 +110,8 @@ def serve(
     port: Port = 8000,
 ) -> None:
     """Serve API and pages."""
-    from service.app import create_app, opened  # noqa: PLC0415 - heavy, and only here
+    from service.app import create_app  # noqa: PLC0415 - heavy, and only here
+    from service.running import opened  # noqa: PLC0415 - heavy, and only here
 
     settings = Settings()
     fault = settings.binding_fault(host)

@@ -25,7 +25,7 @@ def create_key(
     from datetime import UTC  # noqa: PLC0415
 
     from service import audit  # noqa: PLC0415 - heavy, and only here
-    from service.app import opened  # noqa: PLC0415
+    from service.running import opened  # noqa: PLC0415
     from service.security import AT_THE_MACHINE, new_key  # noqa: PLC0415
 
     try:
@@ -53,7 +53,7 @@ def create_user(
 ) -> None:
     """Make a user of the pages; the password is asked for."""
     from service import audit  # noqa: PLC0415 - heavy, and only here
-    from service.app import opened  # noqa: PLC0415
+    from service.running import opened  # noqa: PLC0415
     from service.security import AT_THE_MACHINE  # noqa: PLC0415
     from service.users import new_user  # noqa: PLC0415
 

@@ -85,10 +85,10 @@ def learn_priors(
     operator: Annotated[str | None, typer.Option(help="Learn from this operator's pumps only")] = None,
 ) -> None:
     """Learn how pumps differ from the healthy ones of the stored fleet, as a pump type that can be added."""
-    from service.app import opened  # noqa: PLC0415 - heavy, and only here
     from service.errors import Problem  # noqa: PLC0415
     from service.fleet_priors import learn, remarks  # noqa: PLC0415
     from service.parameter_files import derived_toml  # noqa: PLC0415
+    from service.running import opened  # noqa: PLC0415 - heavy, and only here
 
     if output.suffix.lower() != ".toml":
         raise failure(f"--output {output}: ends not in .toml", 2)

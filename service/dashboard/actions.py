@@ -13,12 +13,13 @@ from service import audit
 from service.alarms import reading
 from service.alarms.handling import Wish, handle
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
-from service.context import Context, context_of, visitor_of
+from service.context import Context
 from service.dashboard.pages import html_page
 from service.errors import Fault, Forbidden, Invalid, Problem
 from service.registry import findings
 from service.registry.locks import locked_pump
 from service.security import EVERYBODY, Principal
+from service.web.dependencies import context_of, visitor_of
 
 action_router = APIRouter(include_in_schema=False)
 _Field = Annotated[str, Form(max_length=2000)]

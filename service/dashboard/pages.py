@@ -16,7 +16,7 @@ from detectors.curve_svg import curve_svg
 from detectors.verdict import FAULTS, TREND_METRICS, State
 from service import __version__, queries
 from service.alarms import reading
-from service.context import Context, context_of, principal, visitor_of
+from service.context import Context
 from service.dashboard.charts import sparkline_svg, trend_svg
 from service.dashboard.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 from service.errors import NotFound, Problem, Unauthenticated
@@ -30,6 +30,7 @@ from service.registry import findings
 from service.security import Principal
 from service.tables import Finding, Pump
 from service.threshold_layers import thresholds_of
+from service.web.dependencies import context_of, principal, visitor_of
 
 _HERE = Path(__file__).resolve().parent
 STATIC = StaticFiles(directory=_HERE / "static")

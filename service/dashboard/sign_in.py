@@ -7,7 +7,6 @@ from fastapi import APIRouter, Form, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service import audit
-from service.context import context_of, visitor_of
 from service.dashboard.pages import html_page
 from service.errors import Forbidden, Problem
 from service.security import Principal
@@ -23,6 +22,7 @@ from service.sessions import (
 from service.settings import is_loopback
 from service.tables import User
 from service.users import with_password
+from service.web.dependencies import context_of, visitor_of
 
 sign_in_router = APIRouter(include_in_schema=False)
 _FORM_COOKIE = "casedrain_sign_in"

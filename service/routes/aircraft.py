@@ -7,12 +7,12 @@ from sqlalchemy.exc import IntegrityError
 
 from detectors.verdict import TREND_METRICS
 from service import audit, queries
-from service.context import Asker, ContextOf
 from service.errors import Conflict
 from service.monitoring.trend import check_metric, points_of, thinned
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.registry import aircraft as registry
 from service.registry.fields import Instant
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/aircraft", tags=["registry"])
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this aircraft")]

@@ -10,8 +10,8 @@ from service.alarms import reading
 from service.alarms.handling import Wish, handle
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
 from service.bodies import Body
-from service.context import Asker, ContextOf
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/alarms", tags=["alarms"])
 

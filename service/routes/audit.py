@@ -5,10 +5,10 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 
 from service import audit
-from service.context import Asker, ContextOf
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.registry.fields import Instant
 from service.tables import AuditEntry
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/audit", tags=["administration"])
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.context import Asker, Context, ContextOf
+from service.context import Context
 from service.ingest.archive import NDJSON_TYPES, ZIP_TYPES, archive_kind, opened_archive
 from service.ingest.mapping_version import MappingVersion
 from service.jobs.requests import ask_for
@@ -14,6 +14,7 @@ from service.routes.records import mapping_of, overrides_of
 from service.security import Principal
 from service.spool import SpooledFile
 from service.tables import Job
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/records", tags=["records"])
 _HEAD_BYTES = 64

@@ -5,9 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from fastapi.responses import StreamingResponse
 
-from service.context import Asker, ContextOf
 from service.exports import exported
 from service.registry.fields import Instant
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/exports", tags=["exports"])
 _TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}

@@ -7,7 +7,6 @@ from fastapi import APIRouter, Query
 
 from detectors.verdict import TREND_METRICS
 from service import queries
-from service.context import Asker, ContextOf
 from service.monitoring.fleet_trend import GroupBy, fleet_trend
 from service.monitoring.trend import check_metric
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, cursor_after, place_of
@@ -15,6 +14,7 @@ from service.ranking import ranked
 from service.reading.agreement import judged_findings, rates
 from service.reading.fleet import fleet, pump_documents
 from service.registry.fields import Instant
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/fleet", tags=["fleet"])
 

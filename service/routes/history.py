@@ -7,7 +7,6 @@ from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
 from service import audit, queries
-from service.context import Asker, ContextOf
 from service.monitoring.knowledge import entries
 from service.registry import findings as finding_entries
 from service.registry import installations as installation_entries
@@ -16,6 +15,7 @@ from service.registry.entries import entry, withdraw
 from service.registry.locks import locked_pump
 from service.security import Principal
 from service.tables import Finding, MaintenanceEvent, Pump
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/pumps/{serial}", tags=["history"])
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]

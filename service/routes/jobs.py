@@ -8,7 +8,6 @@ from sqlalchemy.orm import Session
 
 from service import audit
 from service.bodies import Body
-from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
 from service.jobs import store
 from service.jobs.kinds import kind_named
@@ -16,6 +15,7 @@ from service.jobs.products import CONTENT_TYPES, digest_of
 from service.jobs.requests import ask_for
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.tables import Job, JobItem
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/jobs", tags=["jobs"])
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]

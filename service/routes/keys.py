@@ -8,11 +8,11 @@ from pydantic import ConfigDict, Field
 
 from service import audit, queries
 from service.bodies import Body
-from service.context import Asker, ContextOf
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.security import Principal, Role, new_key
 from service.tables import ApiKey
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/keys", tags=["administration"])
 

@@ -10,7 +10,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 
 from service import audit
-from service.context import Asker, Context, ContextOf
+from service.context import Context
 from service.errors import Conflict, Fault, Invalid, NotFound, PreconditionRequired, StaleVersion, TooLarge
 from service.ingest.mapping import ChannelMapping
 from service.ingest.parse import ANY_TYPE
@@ -19,6 +19,7 @@ from service.mappings import append_version, latest_mapping, mapping_version, ma
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.security import Principal
 from service.tables import StoredMapping
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/mappings", tags=["mappings"])
 Operator = Annotated[str | None, Query(description="Whose mapping; default: the key's operator")]

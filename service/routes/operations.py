@@ -8,8 +8,9 @@ from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
-from service.context import Context, ContextOf
+from service.context import Context
 from service.database import pending_migration
+from service.web.dependencies import ContextOf
 
 router = APIRouter(tags=["operations"])
 READY_TIMEOUT_S = 5.0

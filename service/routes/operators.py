@@ -8,13 +8,13 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy import select
 
 from service import audit
-from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
 from service.registry import operators as registry
 from service.registry.deletion import delete_operator, document
 from service.registry.export import export_stream
 from service.registry.fields import Reason
 from service.tables import Deletion
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/operators", tags=["administration"])
 

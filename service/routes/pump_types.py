@@ -10,13 +10,14 @@ from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
 from service import audit
-from service.context import Asker, Context, ContextOf
+from service.context import Context
 from service.errors import Fault, Forbidden, Invalid, NotFound, TooLarge, Undecodable, UnknownType
 from service.jobs.refolding import refold_after
 from service.parameter_sets import find_type, store, types
 from service.registry import reference_curves
 from service.security import Principal
 from service.threshold_layers import Scope
+from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType
 from twin.pumps.written import document_of
 from twin.version import twin_version

@@ -9,7 +9,6 @@ from sqlalchemy.exc import IntegrityError
 from detectors.curve_svg import curve_svg
 from detectors.verdict import TREND_METRICS
 from service import audit, queries
-from service.context import Asker, ContextOf
 from service.errors import Conflict
 from service.monitoring.curve import curve_of, curve_png
 from service.monitoring.forecast import forecast_of
@@ -22,6 +21,7 @@ from service.registry.fields import Instant
 from service.registry.installations import current_installation
 from service.registry.locks import locked_pump
 from service.tables import VerdictRevision
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/pumps", tags=["pumps"])
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]

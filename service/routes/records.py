@@ -7,7 +7,7 @@ from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service import queries
-from service.context import Asker, Context, ContextOf
+from service.context import Context
 from service.errors import Fault, Invalid
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.metadata import KNOWN
@@ -19,6 +19,7 @@ from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.registry.fields import Instant, Reason
 from service.security import Principal
 from service.tables import ANALYSED, Record
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/records", tags=["records"])
 Status = Literal["stored", "analysed", "refused", "superseded", "withdrawn"]

@@ -8,9 +8,9 @@ from fastapi import APIRouter, Depends, Request
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from service.context import Asker, ContextOf
 from service.errors import TooLarge
 from service.registry.csv_files import Kind, exported, imported
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/registry", tags=["registry"])
 

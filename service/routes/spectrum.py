@@ -6,11 +6,11 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 
 from service import queries
-from service.context import Asker, ContextOf
 from service.errors import Conflict, Fault, Invalid
 from service.monitoring.channel_spectrum import channel_spectrum
 from service.parameter_sets import held_type
 from service.tables import Pump, Record
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/records", tags=["records"])
 

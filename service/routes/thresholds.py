@@ -10,7 +10,6 @@ from sqlalchemy.orm import Session
 from detectors.thresholds import KEYS
 from service import queries
 from service.bodies import Body
-from service.context import Asker, ContextOf
 from service.errors import Forbidden, NotFound, TooLarge
 from service.jobs.refolding import refold_after
 from service.jobs.requests import ask_for
@@ -31,6 +30,7 @@ from service.threshold_layers import (
     restore,
     versions,
 )
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/thresholds", tags=["thresholds"])
 _UNITS = {key.name: key.unit for key in KEYS}

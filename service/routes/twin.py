@@ -5,9 +5,9 @@ from typing import Any, Literal
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from service.context import Asker, ContextOf
 from service.errors import Invalid
 from service.parameter_sets import asked_type
+from service.web.dependencies import Asker, ContextOf
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
 from twin.operating_point import operating_points, problem
 from twin.pumps import circuit_parameters

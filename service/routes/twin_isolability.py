@@ -8,10 +8,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 from detectors.isolability import isolability
 from detectors.isolability_plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
 from detectors.isolability_table import REPEATABILITY_SHARE
-from service.context import Asker, ContextOf
 from service.errors import Fault, Invalid
 from service.parameter_sets import find_type, types
 from service.studies.isolability_document import isolability_document
+from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType, Sensor
 from twin.pumps import PUMP_TYPES, circuit_parameters
 from twin.pumps.circuits import CIRCUITS

@@ -8,10 +8,11 @@ from fastapi import APIRouter, Response
 from pydantic import BaseModel, ConfigDict, FiniteFloat
 from starlette.concurrency import run_in_threadpool
 
-from service.context import Asker, Context, ContextOf
+from service.context import Context
 from service.parameter_sets import types
 from service.security import Principal
 from service.simulation.requested import Asked, Checked, checked, simulated_json
+from service.web.dependencies import Asker, ContextOf
 from twin.recording import TIME
 
 router = APIRouter(prefix="/twin", tags=["twin"])

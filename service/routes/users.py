@@ -9,13 +9,13 @@ from sqlalchemy import select
 
 from service import audit
 from service.bodies import Body
-from service.context import Asker, ContextOf
 from service.errors import Forbidden, Invalid
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.security import Role
 from service.sessions import end_sessions_of
 from service.tables import User
 from service.users import address_faults, new_user, password_faults, set_password, user
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/users", tags=["administration"])
 

@@ -11,7 +11,6 @@ from sqlalchemy.orm import Session
 
 from service import audit, queries
 from service.bodies import Body
-from service.context import Asker, ContextOf
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.notifications.guard import Blocked, target_of
 from service.notifications.outbox import Event
@@ -19,6 +18,7 @@ from service.notifications.signature import new_secret
 from service.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 from service.security import Principal
 from service.tables import Delivery, Message, Webhook
+from service.web.dependencies import Asker, ContextOf
 
 router = APIRouter(prefix="/webhooks", tags=["administration"])
 EVENTS: list[Event] = list(get_args(Event))

@@ -207,8 +207,8 @@ def test_orphaned_jobs_are_taken_up(settings: Settings, monkeypatch: pytest.Monk
     """One that was stored and never queued, and one whose worker was taken away for good."""
     from datetime import UTC, datetime, timedelta
 
-    from service.app import opened
     from service.jobs import engine, store
+    from service.running import opened
 
     monkeypatch.setattr(engine, "_WATCH_INTERVAL_S", 0.2)
     context = opened(settings)
@@ -304,8 +304,8 @@ def start_worker(settings: Settings, workers: list[subprocess.Popen[str]]) -> su
 @pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)  # on Postgres: the test of several workers
 def test_kill_9_in_the_middle_costs_nothing(settings: Settings, workers: list[subprocess.Popen[str]]) -> None:
     """A worker is killed while it imports; the next one finishes the job with every item exactly once."""
-    from service.app import opened
     from service.jobs.requests import ask_for
+    from service.running import opened
     from service.security import EVERYBODY
     from service.tables import Job
 
@@ -349,8 +349,8 @@ def test_several_workers_share_the_jobs_and_finish_those_of_one_that_is_killed(
     settings: Settings, workers: list[subprocess.Popen[str]], stack: ExitStack
 ) -> None:
     """Two workers on one database, one of them killed in the middle of a job, which never comes back."""
-    from service.app import opened
     from service.jobs.requests import ask_for
+    from service.running import opened
     from service.security import EVERYBODY
     from service.tables import Job
 

@@ -12,11 +12,12 @@ from structlog.testing import capture_logs
 
 from detectors.observation import Observation
 from service.alarms.ledger import points_of
-from service.app import create_app, opened
+from service.app import create_app
 from service.context import Context
 from service.monitoring import knowledge
 from service.monitoring.refold import refold
 from service.monitoring.snapshots import wanted
+from service.running import opened
 from service.settings import Settings
 from service.tables import FoldSnapshot, MaintenanceEvent, Record, StoredAssessment
 from tests.detectors.fleet import FAULTS, history

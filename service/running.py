@@ -1,0 +1,38 @@
+"""A service put together from its settings: database, raw store, parser, acceptance."""
+
+from service.context import Context
+from service.database import Database, pending_migration, upgrade
+from service.ingest.parser_pool import ParserLimits, ParserPool
+from service.ingest.raw import Limits
+from service.monitoring.acceptance import Acceptance
+from service.monitoring.archive import Archive
+from service.raw_store import RawStore
+from service.settings import Settings
+from service.spool import Spool
+
+
+def opened(settings: Settings) -> Context:
+    """Open database and raw store.
+
+    An SQLite file is migrated; a Postgres database that is behind is left alone.
+
+    Raises
+    ------
+    RuntimeError
+        when a Postgres database is behind.
+    """
+    settings.data_dir.mkdir(parents=True, exist_ok=True)
+    database = Database(settings.effective_database_url)
+    behind = pending_migration(database)
+    if behind is not None:
+        if not database.is_sqlite:
+            database.close()
+            raise RuntimeError(behind)
+        upgrade(settings.effective_database_url)
+    raw_store = RawStore(settings.effective_raw_store_url)
+    limits = Limits(settings.max_inflated_bytes, settings.max_rows)
+    spool = Spool(settings.effective_spool_dir)
+    parser_limits = ParserLimits(settings.max_parse_seconds, settings.max_parse_memory_bytes)
+    parser = ParserPool(spool.folder, parser_limits, settings.parse_workers)
+    archive = Archive(raw_store, spool, parser, limits)
+    return Context(settings, database, archive, Acceptance(database, archive))
