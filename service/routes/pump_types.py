@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from service import audit
 from service.context import Context
 from service.errors import Fault, Forbidden, Invalid, NotFound, TooLarge, Undecodable, UnknownType
+from service.history.healthy_curves import reference_curve
 from service.jobs.refolding import refold_after
 from service.parameter_sets import find_type, store, types
 from service.registry import reference_curves
@@ -119,7 +120,7 @@ def curve(name: str, context: ContextOf, asker: Asker, operator: Operator = None
     with context.database.reading() as session:
         _known(session, asker, name)
         wanted = _whose(asker.operator, operator)
-        return reference_curves.document(name, reference_curves.reference_curve(session, wanted, name))
+        return reference_curves.document(name, reference_curve(session, wanted, name))
 
 
 @router.put("/{name}/reference-curve", summary="Store a measured healthy curve")
