@@ -24,15 +24,15 @@ from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
 from detectors.observation import Observation
 from service.context import Context
-from service.database import upgrade
-from service.monitoring.analysis import analysis_key
-from service.monitoring.codec import reduction_to_json
+from service.history.analysis import analysis_key
+from service.history.codec import reduction_to_json
+from service.history.setting import Setting
 from service.monitoring.refold import refold
-from service.monitoring.setting import Setting
 from service.running import opened
 from service.settings import Settings
-from service.tables import ANALYSED, FoldSnapshot, Pump, Record
-from service.threshold_layers import thresholds_of
+from service.storage.database import upgrade
+from service.storage.tables import ANALYSED, FoldSnapshot, Pump, Record
+from service.thresholds.layers import thresholds_of
 from twin.pumps import pump_type
 from twin.version import twin_version
 

@@ -17,14 +17,14 @@ from fastapi.testclient import TestClient
 from sqlalchemy import select, text
 
 from benchmarks import keep
-from service import queries
-from service.app import create_app
-from service.database import Database, upgrade
-from service.monitoring.trend import trend_of
+from service.access.security import Principal
+from service.reading import queries
 from service.reading.fleet import pump_documents
-from service.security import Principal
+from service.reading.trend import trend_of
 from service.settings import Settings
-from service.tables import Pump
+from service.storage.database import Database, upgrade
+from service.storage.tables import Pump
+from service.web.app import create_app
 from tests.detectors.fleet import history
 from tests.postgres import cluster, create_database
 from tests.service.stored_records import store

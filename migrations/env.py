@@ -2,9 +2,9 @@
 
 from alembic import context
 
-from service.database import Database
 from service.settings import Settings
-from service.tables import Base
+from service.storage.database import Database
+from service.storage.tables import Base
 
 config = context.config
 url = config.attributes.get("url") or Settings().effective_database_url

@@ -110,8 +110,8 @@ def serve(
     port: Port = 8000,
 ) -> None:
     """Serve API and pages."""
-    from service.app import create_app  # noqa: PLC0415 - heavy, and only here
     from service.running import opened  # noqa: PLC0415 - heavy, and only here
+    from service.web.app import create_app  # noqa: PLC0415 - heavy, and only here
 
     settings = Settings()
     fault = settings.binding_fault(host)
@@ -135,7 +135,7 @@ def upload(
     mapping: Annotated[str | None, typer.Option(help="Name of the channel mapping that the files need")] = None,
 ) -> None:
     """Upload flight records and print a result per file; started again, it goes on: what is known stays as it is."""
-    from service.upload_files import content_type_of, files_of  # noqa: PLC0415 - only here
+    from service.ingest.upload_files import content_type_of, files_of  # noqa: PLC0415 - only here
 
     files, missing = files_of(places)
     if missing:
@@ -219,8 +219,8 @@ def analyse(
     ] = None,
 ) -> None:
     """Analyse files without a server: windows, verdict and picture per pump."""
-    from service.monitoring.offline import analyse_files  # noqa: PLC0415 - heavy, and only here
-    from service.parameter_files import named_or_written  # noqa: PLC0415
+    from service.pump_types.parameter_files import named_or_written  # noqa: PLC0415
+    from service.studies.offline import analyse_files  # noqa: PLC0415 - heavy, and only here
 
     settings = Settings()
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)

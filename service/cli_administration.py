@@ -24,9 +24,9 @@ def create_key(
     """Make an API key and print it once."""
     from datetime import UTC  # noqa: PLC0415
 
-    from service import audit  # noqa: PLC0415 - heavy, and only here
+    from service.access import audit  # noqa: PLC0415 - heavy, and only here
+    from service.access.security import AT_THE_MACHINE, new_key  # noqa: PLC0415
     from service.running import opened  # noqa: PLC0415
-    from service.security import AT_THE_MACHINE, new_key  # noqa: PLC0415
 
     try:
         context = opened(Settings())
@@ -52,10 +52,10 @@ def create_user(
     mail: Annotated[bool, typer.Option("--mail", help="Send mails about alarms there")] = False,
 ) -> None:
     """Make a user of the pages; the password is asked for."""
-    from service import audit  # noqa: PLC0415 - heavy, and only here
+    from service.access import audit  # noqa: PLC0415 - heavy, and only here
+    from service.access.security import AT_THE_MACHINE  # noqa: PLC0415
+    from service.access.users import new_user  # noqa: PLC0415
     from service.running import opened  # noqa: PLC0415
-    from service.security import AT_THE_MACHINE  # noqa: PLC0415
-    from service.users import new_user  # noqa: PLC0415
 
     try:
         context = opened(Settings())
@@ -76,7 +76,7 @@ def create_user(
 @db_app.command("upgrade")
 def upgrade_database() -> None:
     """Bring the database of the settings to the newest schema."""
-    from service.database import upgrade  # noqa: PLC0415 - heavy, and only here
+    from service.storage.database import upgrade  # noqa: PLC0415 - heavy, and only here
 
     settings = Settings()
     upgrade(settings.effective_database_url)

@@ -24,8 +24,8 @@ def simulate(
     seed: Annotated[int, typer.Option(min=0, help="Another seed is other chance in the sensors")] = 1,
 ) -> None:
     """Simulate a scenario into a flight record; exit code 1 if it stops early, 2 if it is wrong."""
-    from service.simulation.run import asked, run_file  # noqa: PLC0415 - heavy, and only here
-    from service.simulation.scenario_file import ScenarioFaultsError  # noqa: PLC0415
+    from service.studies.simulation.run import asked, run_file  # noqa: PLC0415 - heavy, and only here
+    from service.studies.simulation.scenario_file import ScenarioFaultsError  # noqa: PLC0415
 
     try:
         file, kind = asked(scenario, output, picture, pump, circuit, sensors)
@@ -57,8 +57,8 @@ def identify(
     json_: Annotated[Path | None, typer.Option("--json", help="Also write all numbers", dir_okay=False)] = None,
 ) -> None:
     """Calibrate a pump type from test-bench points; exit code 1 if they determine none of its numbers, 2 if wrong."""
-    from service.bench_points import PointFaultsError  # noqa: PLC0415 - heavy, and only here
-    from service.identification import identified  # noqa: PLC0415
+    from service.studies.bench_points import PointFaultsError  # noqa: PLC0415 - heavy, and only here
+    from service.studies.identification import identified  # noqa: PLC0415
 
     try:
         found = identified(points, output, id_, pump, circuit, free)
@@ -86,9 +86,9 @@ def learn_priors(
 ) -> None:
     """Learn how pumps differ from the healthy ones of the stored fleet, as a pump type that can be added."""
     from service.errors import Problem  # noqa: PLC0415
-    from service.fleet_priors import learn, remarks  # noqa: PLC0415
-    from service.parameter_files import derived_toml  # noqa: PLC0415
+    from service.pump_types.parameter_files import derived_toml  # noqa: PLC0415
     from service.running import opened  # noqa: PLC0415 - heavy, and only here
+    from service.studies.fleet_priors import learn, remarks  # noqa: PLC0415
 
     if output.suffix.lower() != ".toml":
         raise failure(f"--output {output}: ends not in .toml", 2)
@@ -97,7 +97,7 @@ def learn_priors(
     except RuntimeError as error:
         raise failure(str(error)) from None
     try:
-        found = learn(context, pump, id_, operator)
+        found = learn(context.database, context.archive, pump, id_, operator)
         output.parent.mkdir(parents=True, exist_ok=True)
         output.write_text(derived_toml(found.document, tuple(remarks(found))), encoding="utf-8")
     except Problem as problem:
@@ -119,7 +119,7 @@ def validate(
     only: Annotated[list[str] | None, typer.Option(help="Only this comparison; may be repeated")] = None,
 ) -> None:
     """Compare the twin with published evidence; exit code 1 if a row that validates is not met."""
-    from service.validation.report import counts_of, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
+    from service.studies.validation.report import counts_of, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
     from twin.validation.catalogue import EVIDENCE  # noqa: PLC0415
 
     unknown = [name for name in only or () if name not in EVIDENCE]
@@ -163,7 +163,7 @@ def isolability(
     json_: Annotated[Path | None, typer.Option("--json", help="Also write it as JSON", dir_okay=False)] = None,
 ) -> None:
     """Smallest fault of each kind that given sensors detect and isolate; exit code 2 if the study is wrong."""
-    from service.isolability_study import IsolabilityOptions, isolability_study, isolability_table  # noqa: PLC0415 - heavy, and only here
+    from service.studies.isolability import IsolabilityOptions, isolability_study, isolability_table  # noqa: PLC0415 - heavy, and only here
 
     options = IsolabilityOptions(
         pump,
@@ -210,10 +210,10 @@ def evaluate(
     quick: Annotated[bool, typer.Option("--quick", help="A smoke run of about a minute: few pumps")] = False,
 ) -> None:
     """Detection study on simulated fleets that differ from the judge's model."""
-    from service.evaluation.command import Outputs, available_cores  # noqa: PLC0415 - heavy, and only here
-    from service.evaluation.command import evaluate as evaluated  # noqa: PLC0415
-    from service.evaluation.plan import StudyFaultsError, sized  # noqa: PLC0415
-    from service.evaluation.report import missed  # noqa: PLC0415
+    from service.studies.evaluation.command import Outputs, available_cores  # noqa: PLC0415 - heavy, and only here
+    from service.studies.evaluation.command import evaluate as evaluated  # noqa: PLC0415
+    from service.studies.evaluation.plan import StudyFaultsError, sized  # noqa: PLC0415
+    from service.studies.evaluation.report import missed  # noqa: PLC0415
 
     try:
         study = sized(rows or (), pumps, healthy_records, seed, quick=quick)

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
-from service.database import Database
+from service.history.archive import Archive
 from service.ingest.parser_pool import ParserPool
 from service.ingest.raw import Limits
 from service.monitoring.acceptance import Acceptance
-from service.monitoring.archive import Archive
-from service.raw_store import RawStore
 from service.settings import Settings
-from service.spool import Spool
+from service.storage.database import Database
+from service.storage.raw_store import RawStore
+from service.storage.spool import Spool
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,14 +1,14 @@
 """A service put together from its settings: database, raw store, parser, acceptance."""
 
 from service.context import Context
-from service.database import Database, pending_migration, upgrade
+from service.history.archive import Archive
 from service.ingest.parser_pool import ParserLimits, ParserPool
 from service.ingest.raw import Limits
 from service.monitoring.acceptance import Acceptance
-from service.monitoring.archive import Archive
-from service.raw_store import RawStore
 from service.settings import Settings
-from service.spool import Spool
+from service.storage.database import Database, pending_migration, upgrade
+from service.storage.raw_store import RawStore
+from service.storage.spool import Spool
 
 
 def opened(settings: Settings) -> Context:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import structlog
 
-from service.database import upgrade
+from service.storage.database import upgrade
 from tests.postgres import binary, cluster, create_database
 
 _numbers = itertools.count(1)

@@ -11,17 +11,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from fastapi.testclient import TestClient
 
-from service.api_document.document import openapi_document
-from service.app import create_app
 from service.demo.fleet import PUMPS, pump_records
 from service.settings import Settings
+from service.web.api_document.document import openapi_document
+from service.web.app import create_app
 from tests.service.bursts import burst_document
 from tests.service.guarded import guarded_client, key
 from tests.service.matrix import API, ENDING, MATRIX, OPEN, PAGE, entered, seeded, sent
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = ROOT / "docs" / "openapi.json"
-EXAMPLES = ROOT / "service" / "api_document" / "examples.json"
+EXAMPLES = ROOT / "service" / "web" / "api_document" / "examples.json"
 MOST_ITEMS = 2
 _LAST = ("close", "DELETE")
 

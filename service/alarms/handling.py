@@ -7,15 +7,15 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service import audit
+from service.access import audit
+from service.access.security import Principal
 from service.alarms import reading
 from service.alarms.ledger import follow
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
-from service.database import Database
 from service.errors import Conflict, Fault, Invalid
-from service.security import Principal
-from service.tables import Alarm, AlarmAction, Pump, StoredAssessment
-from service.threshold_layers import thresholds_of
+from service.storage.database import Database
+from service.storage.tables import Alarm, AlarmAction, Pump, StoredAssessment
+from service.thresholds.layers import thresholds_of
 
 
 @dataclass(frozen=True, slots=True)

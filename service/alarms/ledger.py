@@ -10,10 +10,10 @@ from sqlalchemy.orm import Session
 
 from service.alarms.life_cycle import PRIORITIES, QUIET, Action, Life, Point, lives, rules_of
 from service.alarms.reading import shown
-from service.database import Database
 from service.notifications.outbox import Event, announce
-from service.tables import Alarm, AlarmAction, Pump, Record, StoredAssessment, case_flow_of
-from service.threshold_layers import effective_thresholds, pump_scopes
+from service.storage.database import Database
+from service.storage.tables import Alarm, AlarmAction, Pump, Record, StoredAssessment, case_flow_of
+from service.thresholds.layers import effective_thresholds, pump_scopes
 
 
 def follow(session: Session, pump: Pump, thresholds: Mapping[str, float]) -> None:

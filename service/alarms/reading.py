@@ -7,9 +7,9 @@ from typing import Any, Literal
 from sqlalchemy import ColumnElement, Select, and_, or_, select, tuple_
 from sqlalchemy.orm import Session
 
+from service.access.security import Principal
 from service.errors import NotFound
-from service.security import Principal
-from service.tables import Alarm, Pump
+from service.storage.tables import Alarm, Pump
 
 Filter = Literal[
     "active_unacknowledged",

@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from service.app import create_app
 from service.client import Client
-from service.dashboard.words import WORDS
 from service.demo.fleet import PUMPS, fleet_records, is_right
+from service.reports.words import WORDS
 from service.settings import Settings
+from service.web.app import create_app
 
 START_TIMEOUT_S = 900.0
 

@@ -6,7 +6,7 @@ from sqlalchemy import select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
-from service.tables import Aircraft
+from service.storage.tables import Aircraft
 
 
 def known_aircraft(session: Session, operator: str, name: str, *, for_change: bool = False) -> None:

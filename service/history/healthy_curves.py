@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from detectors.type_correction import HealthyCurve, HealthyPoint
 from service.bodies import Body
-from service.tables import ReferenceCurve
+from service.storage.tables import ReferenceCurve
 
 
 class MeasuredPoint(Body):

@@ -7,7 +7,7 @@ from datetime import datetime
 from detectors.flights import Outline
 from detectors.observation import Maintenance, Observation
 from detectors.type_correction import HealthyCurve
-from service.monitoring.setting import Setting
+from service.history.setting import Setting
 from twin.parameters import PumpType
 
 Observations = Callable[[Sequence[str]], Mapping[str, Observation]]

@@ -4,8 +4,8 @@ from typing import Any
 
 from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
 from detectors.wording import advice
-from service.monitoring.codec import verdict_to_json
-from service.threshold_layers import Effective
+from service.history.codec import verdict_to_json
+from service.thresholds.layers import Effective
 from twin.parameters import PumpType
 from twin.version import twin_version
 

@@ -12,12 +12,12 @@ import structlog
 from dbos import DBOS, DBOSConfig, SetWorkflowID, WorkflowStatus
 from sqlalchemy.engine import make_url
 
+from service.access.security import Principal
 from service.context import Context
 from service.errors import Problem, Unavailable
 from service.jobs import store
 from service.jobs.kinds import Kind, Work, kind_named
-from service.security import Principal
-from service.tables import Job
+from service.storage.tables import Job
 
 log = structlog.get_logger("casedrain.jobs")
 QUEUE = "casedrain-jobs"

@@ -13,13 +13,13 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from service.errors import Fault, Invalid
-from service.evaluation import store
-from service.evaluation.numbers import study_json
-from service.evaluation.plan import Chunk, Study, StudyFaultsError, chunks_of, sized
-from service.evaluation.report import report_html
-from service.evaluation.run import judge_chunk, run, scored
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.jobs.products import folder_of, keep
+from service.studies.evaluation import store
+from service.studies.evaluation.numbers import study_json
+from service.studies.evaluation.plan import Chunk, Study, StudyFaultsError, chunks_of, sized
+from service.studies.evaluation.report import report_html
+from service.studies.evaluation.run import judge_chunk, run, scored
 
 MOST_PUMPS, MOST_HEALTHY_RECORDS = 300, 100_000
 """The size of the study that the targets ask for: about an hour of one core."""

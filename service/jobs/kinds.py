@@ -9,10 +9,10 @@ from typing import Any, ClassVar, Generic, TypeVar
 from pydantic import ConfigDict
 from sqlalchemy.orm import Session
 
+from service.access.security import Principal
 from service.bodies import Body
 from service.context import Context
 from service.errors import Fault, Invalid
-from service.security import Principal
 
 NAME_LENGTH = 500
 

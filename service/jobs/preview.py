@@ -11,8 +11,8 @@ from service.errors import Unavailable
 from service.jobs import store
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.monitoring.preview import compared, differs, pumps_with_records, totals
-from service.tables import Pump
-from service.threshold_layers import Scope
+from service.storage.tables import Pump
+from service.thresholds.layers import Scope
 
 _FAILED = "failed"
 

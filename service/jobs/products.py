@@ -7,7 +7,7 @@ from typing import Any
 
 from service.errors import Conflict, NotFound
 from service.jobs.kinds import Work
-from service.tables import SUCCEEDED, Job
+from service.storage.tables import SUCCEEDED, Job
 
 CONTENT_TYPES: Mapping[str, str] = {"html": "text/html; charset=utf-8", "json": "application/json"}
 """Formats that documents come in."""

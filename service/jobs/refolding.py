@@ -2,11 +2,11 @@
 
 from fastapi import BackgroundTasks
 
+from service.access.security import Principal
 from service.context import Context
 from service.jobs.requests import ask_for
 from service.monitoring.reanalysis import Change, n_pumps, refold_scope
-from service.security import Principal
-from service.threshold_layers import Scope
+from service.thresholds.layers import Scope
 
 MOST_PUMPS_AT_ONCE = 20
 

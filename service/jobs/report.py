@@ -10,15 +10,15 @@ from fastapi.encoders import jsonable_encoder
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from service import queries
+from service.access.security import Principal
 from service.errors import Fault, Invalid, NotFound
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.jobs.products import keep
+from service.reading import queries
 from service.registry.fields import Instant
 from service.reports.content import Period, overview, pump_chapter
 from service.reports.page import report_html
-from service.security import Principal
-from service.tables import Pump
+from service.storage.tables import Pump
 
 USUAL_PERIOD = timedelta(days=365)
 

@@ -13,10 +13,10 @@ from service.errors import Fault, Invalid, NotFound, Unavailable
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.monitoring.reanalysis import Change, PumpChange, Wanted, cause_of, pumps_of, rehearsed, reprocessed
 from service.monitoring.refold import REPROCESSED
-from service.parameter_sets import types
-from service.tables import Pump
-from service.threshold_layers import Scope
-from service.threshold_pins import newest_number
+from service.pump_types.parameter_sets import types
+from service.storage.tables import Pump
+from service.thresholds.layers import Scope
+from service.thresholds.pins import newest_number
 from twin.version import twin_version
 
 

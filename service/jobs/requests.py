@@ -5,13 +5,13 @@ from typing import Any
 import structlog
 from pydantic import ValidationError
 
-from service import audit
+from service.access import audit
+from service.access.security import Principal
 from service.context import Context
 from service.errors import Fault, Invalid, Unavailable
 from service.jobs import bulk_import, engine, evaluation, preview, report, reprocess, store
 from service.jobs.kinds import kind_named
-from service.security import Principal
-from service.tables import Job
+from service.storage.tables import Job
 
 log = structlog.get_logger("casedrain.jobs")
 KINDS = (bulk_import, evaluation, preview, report, reprocess)

@@ -8,10 +8,10 @@ from typing import Any
 from sqlalchemy import Select, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
+from service.access.security import Principal
 from service.errors import Conflict, NotFound, Problem
 from service.jobs.kinds import NAME_LENGTH, Item
-from service.security import Principal
-from service.tables import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
+from service.storage.tables import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
 
 UNFINISHED = (QUEUED, RUNNING)
 ORPHANED_AFTER = timedelta(seconds=60)

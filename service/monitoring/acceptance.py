@@ -13,23 +13,23 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from service import audit
-from service.database import Database
+from service.access import audit
+from service.access.security import Principal
 from service.errors import Conflict, Fault, Invalid, NotFound, Problem
+from service.history.analysis import analysed, keep_analysis
+from service.history.archive import Archive, RegisteredType
 from service.history.arrival import known_aircraft
+from service.history.knowledge import setting_of
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.metadata import TypeLookup
 from service.ingest.parse import check_type
-from service.monitoring.analysis import analysed, keep_analysis
-from service.monitoring.archive import Archive, RegisteredType
-from service.monitoring.knowledge import setting_of
 from service.monitoring.refold import Cause, refold
-from service.parameter_sets import find_type, held_type
-from service.security import Principal
-from service.spool import SpooledFile
-from service.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
-from service.threshold_layers import thresholds_of
+from service.pump_types.parameter_sets import find_type, held_type
+from service.storage.database import Database
+from service.storage.spool import SpooledFile
+from service.storage.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
+from service.thresholds.layers import thresholds_of
 from twin.parameters import PumpType
 
 

@@ -11,8 +11,9 @@ from typing import Any
 
 from detectors.flights import roles_of
 from detectors.snapshot import judge_version
+from service.history import codec
 from service.history.known import Known, PlacedRecord, pieces
-from service.monitoring import codec, fold
+from service.monitoring import fold
 from twin.sources import sources_hash
 
 

@@ -9,17 +9,17 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from service.access.security import Principal
 from service.alarms.comparison import gained_and_lost
 from service.alarms.ledger import points_of
 from service.alarms.life_cycle import Life, Point, lives, rules_of
 from service.errors import Invalid, TooLarge
-from service.monitoring.archive import Archive
-from service.monitoring.knowledge import entries, knowledge
+from service.history.archive import Archive
+from service.history.knowledge import entries, knowledge
 from service.monitoring.reanalysis import points_of_fold, pumps_of
-from service.security import Principal
-from service.tables import ANALYSED, Finding, Pump, Record
-from service.tables.history import NO_FAULT_FOUND
-from service.threshold_layers import Candidate, Scope, thresholds_of, value_faults
+from service.storage.tables import ANALYSED, Finding, Pump, Record
+from service.storage.tables.history import NO_FAULT_FOUND
+from service.thresholds.layers import Candidate, Scope, thresholds_of, value_faults
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,18 +11,18 @@ from sqlalchemy.orm import Session
 from service.alarms.comparison import gained_and_lost
 from service.alarms.ledger import point_of, points_of
 from service.alarms.life_cycle import Point, Rules, lives, rules_of
-from service.database import Database
 from service.errors import Problem
-from service.monitoring.analysis import keep_analysis
-from service.monitoring.archive import Archive
-from service.monitoring.codec import verdict_to_json
+from service.history.analysis import keep_analysis
+from service.history.archive import Archive
+from service.history.codec import verdict_to_json
+from service.history.knowledge import Knowledge, knowledge
 from service.monitoring.fold import fold
-from service.monitoring.knowledge import Knowledge, knowledge
 from service.monitoring.refold import REPROCESSED, Cause, refold
-from service.parameter_sets import held_type
-from service.tables import ANALYSED, Pump, Record
-from service.threshold_layers import Effective, Scope, effective_thresholds, pump_scopes, thresholds_of
-from service.threshold_pins import hold, newest_number
+from service.pump_types.parameter_sets import held_type
+from service.storage.database import Database
+from service.storage.tables import ANALYSED, Pump, Record
+from service.thresholds.layers import Effective, Scope, effective_thresholds, pump_scopes, thresholds_of
+from service.thresholds.pins import hold, newest_number
 from twin.version import twin_version
 
 Change = Literal["thresholds_changed", "reference_curve_changed"]

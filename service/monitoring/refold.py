@@ -10,16 +10,16 @@ from sqlalchemy.orm import Session
 
 from detectors.verdict import Assessment
 from service.alarms.ledger import follow
+from service.history.analysis import keep_analysis
+from service.history.archive import Archive
+from service.history.codec import trend_to_json, verdict_to_json
+from service.history.knowledge import AnyRow, Knowledge, knowledge
 from service.history.known import Known
 from service.history.verdicts import empty_verdict
 from service.monitoring import snapshots
-from service.monitoring.analysis import keep_analysis
-from service.monitoring.archive import Archive
 from service.monitoring.chain import chain
-from service.monitoring.codec import trend_to_json, verdict_to_json
 from service.monitoring.fold import fold, steps
-from service.monitoring.knowledge import AnyRow, Knowledge, knowledge
-from service.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
+from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
 
 
 @dataclass(frozen=True, slots=True)

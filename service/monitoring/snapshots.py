@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from detectors.snapshot import fold_from
 from service.history.known import Known
 from service.monitoring.fold import Start, Step
-from service.tables import FoldSnapshot
+from service.storage.tables import FoldSnapshot
 
 _NEWEST = 2
 _STEPS = (16, 128)

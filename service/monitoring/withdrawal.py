@@ -5,12 +5,13 @@ from datetime import UTC, datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service import audit, queries
+from service.access import audit
+from service.access.security import Principal
 from service.errors import Conflict
-from service.monitoring.archive import Archive
+from service.history.archive import Archive
 from service.monitoring.refold import Cause, refold
-from service.security import Principal
-from service.tables import ANALYSED, WITHDRAWN, Pump, Record
+from service.reading import queries
+from service.storage.tables import ANALYSED, WITHDRAWN, Pump, Record
 
 
 def withdraw_record(session: Session, asker: Principal, record_id: str, reason: str, archive: Archive) -> Record:

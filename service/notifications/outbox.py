@@ -9,7 +9,7 @@ from pydantic_core import to_jsonable_python
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
-from service.tables import Delivery, Message, User, Webhook
+from service.storage.tables import Delivery, Message, User, Webhook
 
 Event = Literal[
     "alarm.raised",

@@ -11,12 +11,12 @@ from typing import Any
 import structlog
 from sqlalchemy import delete, exists, select
 
-from service.database import Database
 from service.notifications import mail, webhook_call
 from service.notifications.outbox import DELIVERED, FAILED, PENDING
 from service.notifications.webhook_call import Outcome
 from service.settings import Settings
-from service.tables import Delivery, FailedSignIn, Message, SignedIn, Webhook
+from service.storage.database import Database
+from service.storage.tables import Delivery, FailedSignIn, Message, SignedIn, Webhook
 
 BACKOFF_S: tuple[float, ...] = (5, 300, 1800, 7200, 18000, 36000, 50400, 72000, 86400)
 """Pauses between attempts, those that Standard Webhooks suggests; after the last one the delivery has failed."""

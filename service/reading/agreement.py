@@ -11,9 +11,9 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from detectors.verdict import FAULTS, SIDE_OF, State
-from service.security import Principal
-from service.tables import Finding, Pump, StoredAssessment
-from service.tables.history import NO_FAULT_FOUND
+from service.access.security import Principal
+from service.storage.tables import Finding, Pump, StoredAssessment
+from service.storage.tables.history import NO_FAULT_FOUND
 
 _QUIET = (State.HEALTHY.value, State.INSUFFICIENT_DATA.value)
 

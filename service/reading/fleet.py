@@ -5,11 +5,11 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from service import queries
-from service.ranking import by_state
-from service.registry.silence import Silence, silent_pumps
-from service.security import Principal
-from service.tables import Pump, StoredAssessment
+from service.access.security import Principal
+from service.reading import queries
+from service.reading.ranking import by_state
+from service.reading.silence import Silence, silent_pumps
+from service.storage.tables import Pump, StoredAssessment
 
 
 def pump_documents(session: Session, rows: list[Pump]) -> list[dict[str, Any]]:

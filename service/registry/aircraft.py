@@ -8,16 +8,16 @@ from pydantic import ConfigDict, Field, field_serializer
 from sqlalchemy import Select, or_, select, tuple_
 from sqlalchemy.orm import Session
 
+from service.access.security import Principal
 from service.bodies import Body
 from service.errors import Conflict, Fault, Invalid
-from service.monitoring.archive import Archive
-from service.monitoring.knowledge import registry_values
+from service.history.archive import Archive
+from service.history.knowledge import registry_values
+from service.history.setting import DEFAULT_CIRCUIT
 from service.monitoring.refold import Cause, refold
-from service.monitoring.setting import DEFAULT_CIRCUIT
 from service.registry.fields import Instant, Name
 from service.registry.locks import lock_aircraft, locked_pumps
-from service.security import Principal
-from service.tables import Aircraft, Installation, Pump, Record, RegistryVersion
+from service.storage.tables import Aircraft, Installation, Pump, Record, RegistryVersion
 
 
 class SensorEntry(Body):

@@ -11,16 +11,17 @@ from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service import audit, queries
+from service.access import audit
+from service.access.security import Principal
 from service.bodies import Body
 from service.errors import Fault, Invalid, Problem, Undecodable
-from service.monitoring.archive import Archive
+from service.history.archive import Archive
 from service.monitoring.refold import Cause, refold
+from service.reading import queries
 from service.registry import aircraft, installations, pumps
 from service.registry.fields import Name
 from service.registry.locks import locked_pump, locked_pumps
-from service.security import Principal
-from service.tables import Aircraft, Installation, Pump
+from service.storage.tables import Aircraft, Installation, Pump
 
 MOST_LINES = 100_000
 Kind = Literal["pumps", "aircraft", "installations"]

@@ -10,14 +10,14 @@ from sqlalchemy import CursorResult, delete, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from service import audit
-from service.database import Database
+from service.access import audit
+from service.access.security import Principal
 from service.errors import Conflict, Unavailable
-from service.raw_store import RawStore
 from service.registry.ownership import owned_tables, rows_of
 from service.registry.raw_bytes import archive_digests, document_digests, needs_of
-from service.security import Principal
-from service.tables import Deletion, Job, Record
+from service.storage.database import Database
+from service.storage.raw_store import RawStore
+from service.storage.tables import Deletion, Job, Record
 
 
 def delete_operator(database: Database, raw_store: RawStore, operator: str, asker: Principal, reason: str) -> Deletion:

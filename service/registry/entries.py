@@ -8,7 +8,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.errors import NotFound
-from service.tables import Entry, Pump
+from service.storage.tables import Entry, Pump
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from sqlalchemy import Table, select
 
-from service.database import Database
 from service.errors import Unavailable
-from service.raw_store import RawStore
 from service.registry.ownership import owned_tables, rows_of
+from service.storage.database import Database
+from service.storage.raw_store import RawStore
 
 _SECRET_COLUMNS = frozenset({"key_hash", "password_hash", "token_hash", "csrf_token", "secret"})
 """Never leave the database, not even for their owner."""

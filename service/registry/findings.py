@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 from service.bodies import Body
 from service.registry.entries import add, correct, entry
 from service.registry.fields import Instant, Note
-from service.tables import Finding, Pump
+from service.storage.tables import Finding, Pump
 
 Found = Literal[
     "pump_degradation",

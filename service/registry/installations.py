@@ -8,16 +8,16 @@ from pydantic import ConfigDict, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service import queries
 from service.bodies import Body
 from service.errors import Conflict, Fault, Invalid
+from service.history.archive import Archive
 from service.history.arrival import known_aircraft
-from service.monitoring.archive import Archive
-from service.monitoring.knowledge import entries
+from service.history.knowledge import entries
 from service.monitoring.refold import Cause, refold
+from service.reading import queries
 from service.registry.entries import add, correct, entry, withdraw
 from service.registry.fields import Instant, Name
-from service.tables import Installation, Pump
+from service.storage.tables import Installation, Pump
 
 CHANGED = "installation_changed"
 

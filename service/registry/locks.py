@@ -5,9 +5,9 @@ from collections.abc import Collection
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service import queries
-from service.security import Principal
-from service.tables import Aircraft, Pump
+from service.access.security import Principal
+from service.reading import queries
+from service.storage.tables import Aircraft, Pump
 
 
 def locked_pump(session: Session, asker: Principal, serial: str, operator: str | None) -> Pump:

@@ -6,11 +6,11 @@ from pydantic import ConfigDict
 from sqlalchemy.orm import Session
 
 from service.bodies import Body
-from service.monitoring.archive import Archive
+from service.history.archive import Archive
 from service.monitoring.refold import Cause, refold
 from service.registry.entries import add, correct, entry, withdraw
 from service.registry.fields import Instant, Note
-from service.tables import MaintenanceEvent, Pump
+from service.storage.tables import MaintenanceEvent, Pump
 
 CHANGED = "maintenance_changed"
 Action = Literal["fluid_changed", "filter_changed", "setting_adjusted", "sensor_replaced"]

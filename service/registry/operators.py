@@ -8,13 +8,13 @@ from pydantic import ConfigDict, Field
 from sqlalchemy import func, or_, select, union, update
 from sqlalchemy.orm import Session
 
+from service.access.security import Principal
 from service.bodies import Body
-from service.database import Database
 from service.errors import Forbidden, NotFound
-from service.raw_store import RawStore
 from service.registry.raw_bytes import archive_digests
-from service.security import Principal
-from service.tables import Aircraft, ApiKey, Job, OperatorSettings, Pump, Record, Refusal, User, Webhook
+from service.storage.database import Database
+from service.storage.raw_store import RawStore
+from service.storage.tables import Aircraft, ApiKey, Job, OperatorSettings, Pump, Record, Refusal, User, Webhook
 
 
 class OperatorChange(Body):

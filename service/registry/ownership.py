@@ -2,7 +2,7 @@
 
 from sqlalchemy import ColumnElement, Table, or_, select
 
-from service.tables import Base
+from service.storage.tables import Base
 
 _OPERATOR_COLUMN = "operator"
 

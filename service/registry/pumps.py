@@ -9,13 +9,13 @@ from sqlalchemy.orm import Session
 
 from service.bodies import Body
 from service.errors import Conflict
+from service.history.archive import Archive
+from service.history.knowledge import registry_values
 from service.ingest.decode import DEFAULT_PUMP_TYPE
-from service.monitoring.archive import Archive
-from service.monitoring.knowledge import registry_values
 from service.monitoring.refold import Cause, refold
-from service.parameter_sets import asked_type
+from service.pump_types.parameter_sets import asked_type
 from service.registry.fields import Name
-from service.tables import Pump, RegistryVersion
+from service.storage.tables import Pump, RegistryVersion
 
 
 class NewPump(Body):

@@ -2,7 +2,7 @@
 
 from sqlalchemy import Select, select
 
-from service.tables import Job, Record
+from service.storage.tables import Job, Record
 
 _BULK_IMPORT = "bulk-import"
 _ARCHIVE = Job.parameters["content_hash"].as_string()

@@ -10,9 +10,9 @@ from detectors.type_correction import followed
 from service.bodies import Body
 from service.errors import Fault, Invalid
 from service.history.healthy_curves import MeasuredPoint, judged_curve
-from service.monitoring.setting import DEFAULT_CIRCUIT
-from service.parameter_sets import held_type
-from service.tables import ReferenceCurve
+from service.history.setting import DEFAULT_CIRCUIT
+from service.pump_types.parameter_sets import held_type
+from service.storage.tables import ReferenceCurve
 from twin.pumps import circuit_parameters
 
 

@@ -8,18 +8,18 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from service import queries
+from service.access.security import Principal
 from service.alarms import reading
-from service.monitoring.forecast import forecast_of
-from service.monitoring.knowledge import entries
-from service.monitoring.trend import points_of, thinned
-from service.ranking import ranked
+from service.history.knowledge import entries
+from service.reading import queries
 from service.reading.agreement import judged_findings, rates
 from service.reading.fleet import pump_documents
+from service.reading.forecast import forecast_of
+from service.reading.ranking import ranked
+from service.reading.trend import points_of, thinned
 from service.registry import findings
-from service.security import Principal
-from service.tables import Finding, Pump
-from service.threshold_layers import thresholds_of
+from service.storage.tables import Finding, Pump
+from service.thresholds.layers import thresholds_of
 
 TRENDS = ("case_flow_at_reference_lpm", "system_leakage_change_lpm")
 """Metrics that a report draws for each pump: the pump's own wear, and its circuit's."""

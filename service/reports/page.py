@@ -9,13 +9,13 @@ from markupsafe import Markup
 
 from detectors.verdict import TREND_METRICS
 from service import __version__
-from service.dashboard.charts import trend_svg
-from service.dashboard.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
+from service.reports.charts import trend_svg
 from service.reports.content import Period
+from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 
 _TEMPLATES = Environment(
     # the pages of all reports look alike
-    loader=ChoiceLoader([PackageLoader("service.reports"), PackageLoader("service.validation")]),
+    loader=ChoiceLoader([PackageLoader("service.reports"), PackageLoader("service.studies.validation")]),
     autoescape=select_autoescape(default=True, default_for_string=True),
     undefined=StrictUndefined,
     trim_blocks=True,

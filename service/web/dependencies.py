@@ -4,11 +4,11 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from service.access.security import EVERYBODY, Principal, principal_of, touch_key
+from service.access.sessions import SESSION_COOKIE, Visitor, find_session
 from service.context import Context
-from service.database import Database
 from service.errors import Unauthenticated
-from service.security import EVERYBODY, Principal, principal_of, touch_key
-from service.sessions import SESSION_COOKIE, Visitor, find_session
+from service.storage.database import Database
 
 
 def context_of(request: Request) -> Context:

@@ -57,7 +57,7 @@ from detectors.regulation import LOG_HAZARD
 from detectors.state_model import FAULT_KINDS, log_hazards
 from detectors.thresholds import effective
 from detectors.verdict import ESTIMATES, State
-from service.evaluation.forecasts import with_forecasts
+from service.studies.evaluation.forecasts import with_forecasts
 from tests.detectors.test_evaluation import H, N, P, outcome, row
 from twin.condition import INPUTS
 from twin.pumps import circuit_parameters, pump_type

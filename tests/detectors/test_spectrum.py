@@ -10,7 +10,7 @@ from detectors.reduction import reduce_recording
 from detectors.signature import Spectrum
 from detectors.spectrum import PRESSURES, spectrum
 from detectors.thresholds import effective
-from service.monitoring.codec import reduction_from_json, reduction_to_json
+from service.history.codec import reduction_from_json, reduction_to_json
 from twin.burst import amplitude_error, measured_amplitudes, resolution_of
 from twin.condition import Condition
 from twin.instrumentation import HELICOPTER, measured

@@ -52,8 +52,8 @@ def test_the_wheel_holds_migrations_pages_and_types(wheel: Path) -> None:
     assert {
         "service/migrations/env.py",
         "service/migrations/versions/0001_first_tables.py",
-        "service/dashboard/templates/fleet.html",
-        "service/dashboard/static/casedrain.css",
+        "service/web/dashboard/templates/fleet.html",
+        "service/web/dashboard/static/casedrain.css",
         "twin/py.typed",
         "detectors/py.typed",
         "service/py.typed",
@@ -65,7 +65,7 @@ def test_the_wheel_migrates_a_database_from_any_folder(wheel: Path, tmp_path: Pa
     site, elsewhere = tmp_path / "site", tmp_path / "elsewhere"
     elsewhere.mkdir()
     zipfile.ZipFile(wheel).extractall(site)
-    code = "from service.database import upgrade, migrations_folder as f; upgrade('sqlite:///x.sqlite'); print(f())"
+    code = "from service.storage.database import upgrade, migrations_folder as f; upgrade('sqlite:///x.sqlite'); print(f())"
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=elsewhere,

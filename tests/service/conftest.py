@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from service.app import create_app
 from service.demo.fleet import PUMPS, DemoRecord, pump_records
 from service.settings import Settings
+from service.web.app import create_app
 
 WORN = next(p for p in PUMPS if "worn" in p.truth.words)
 HEALTHY = PUMPS[0]

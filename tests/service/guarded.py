@@ -7,9 +7,9 @@ from typing import Any
 
 from fastapi.testclient import TestClient
 
-from service.app import create_app
-from service.security import new_key
+from service.access.security import new_key
 from service.settings import Settings
+from service.web.app import create_app
 
 
 @contextmanager

@@ -8,8 +8,8 @@ from sqlalchemy.orm import Session
 
 from service.alarms.ledger import follow
 from service.history.verdicts import empty_verdict
-from service.tables import ANALYSED, Pump, Record, StoredAssessment
-from service.threshold_layers import thresholds_of
+from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment
+from service.thresholds.layers import thresholds_of
 from twin.pumps import pump_type
 
 START = datetime(2026, 5, 1, 8, tzinfo=UTC)

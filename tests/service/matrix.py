@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from service.tables import SUCCEEDED, Job
+from service.storage.tables import SUCCEEDED, Job
 from tests.service.guarded import key
 from tests.service.histories import write_history
 from tests.service.records import body as record_body

@@ -7,12 +7,12 @@ from sqlalchemy.orm import Session
 
 from detectors.observation import Observation
 from service.context import Context
-from service.monitoring.analysis import analysis_key
-from service.monitoring.codec import reduction_to_json
+from service.history.analysis import analysis_key
+from service.history.codec import reduction_to_json
+from service.history.setting import Setting
 from service.monitoring.refold import Cause, refold
-from service.monitoring.setting import Setting
-from service.tables import ANALYSED, Pump, Record
-from service.threshold_layers import thresholds_of
+from service.storage.tables import ANALYSED, Pump, Record
+from service.thresholds.layers import thresholds_of
 from tests.service.histories import pump_of
 from twin.pumps import pump_type
 

@@ -12,9 +12,9 @@ from sqlalchemy.orm import Session
 
 from service.alarms.ledger import actions_of, points_of
 from service.alarms.life_cycle import lives, rules_of
-from service.database import Database
-from service.tables import Alarm, AlarmAction, Pump
-from service.threshold_layers import thresholds_of
+from service.storage.database import Database
+from service.storage.tables import Alarm, AlarmAction, Pump
+from service.thresholds.layers import thresholds_of
 from tests.service.histories import day, write_history
 
 

@@ -11,7 +11,7 @@ from sqlalchemy import delete, select
 
 from service.alarms.ledger import catch_up
 from service.demo.fleet import DemoRecord
-from service.tables import Alarm, AlarmAction, AuditEntry
+from service.storage.tables import Alarm, AlarmAction, AuditEntry
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
 

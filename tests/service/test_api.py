@@ -8,10 +8,10 @@ import pytest
 from fastapi.testclient import TestClient
 
 from detectors.verdict import TREND_METRICS
-from service.app import create_app
+from service.access.security import new_key
 from service.demo.fleet import DemoRecord
-from service.security import new_key
 from service.settings import Settings
+from service.web.app import create_app
 from tests.service.records import body, document
 
 JSON = {"content-type": "application/json"}
@@ -122,7 +122,7 @@ def test_an_empty_fleet_is_a_page_too(client: TestClient) -> None:
 
 def test_the_fleet_page_has_pages(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every pump stands on one page, and a page that is not there is the nearest one."""
-    monkeypatch.setattr("service.dashboard.pages._PUMPS_PER_PAGE", 3)
+    monkeypatch.setattr("service.web.dashboard.pages._PUMPS_PER_PAGE", 3)
     serials = [f"P-{i}" for i in range(7)]
     put_records(client, serials)
     pages = [client.get("/", params={"page": n}).text for n in (1, 2, 3)]
@@ -342,7 +342,7 @@ def test_an_unexpected_error_is_a_problem_without_secrets(client: TestClient, mo
     def broken(*_: Any, **__: Any) -> None:
         raise RuntimeError("password=hunter2")
 
-    monkeypatch.setattr("service.queries.pump", broken)
+    monkeypatch.setattr("service.reading.queries.pump", broken)
     answer = client.get(f"{API}/pumps/P-1")
     assert answer.status_code == 500
     assert answer.headers["content-type"] == "application/problem+json"

@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from service.access.security import principal_of
 from service.cli import app
-from service.database import Database
 from service.demo.fleet import DemoRecord
 from service.demo.run import served
-from service.security import principal_of
 from service.settings import Settings
+from service.storage.database import Database
 
 runner = CliRunner()
 

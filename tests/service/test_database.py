@@ -9,12 +9,12 @@ from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
 from sqlalchemy import select, text
 
-from service.database import Database, alembic_config, pending_migration
 from service.errors import Unavailable
-from service.raw_store import RawStore, content_hash
 from service.running import opened
 from service.settings import Settings
-from service.tables import Aircraft, Base, Pump, Record, StoredAssessment
+from service.storage.database import Database, alembic_config, pending_migration
+from service.storage.raw_store import RawStore, content_hash
+from service.storage.tables import Aircraft, Base, Pump, Record, StoredAssessment
 
 
 def test_migrations_and_tables_agree(database_url: str) -> None:

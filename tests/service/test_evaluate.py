@@ -13,11 +13,11 @@ from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.rows import HEALTHY, PLAIN_ROWS, Growing, Row
 from detectors.verdict import State
 from service.cli import app
-from service.evaluation import store
-from service.evaluation.numbers import study_json
-from service.evaluation.plan import Study, StudyFaultsError, chosen_rows, chunks_of, pumps_in, sized
-from service.evaluation.report import report_html
-from service.evaluation.run import Results, run, scored
+from service.studies.evaluation import store
+from service.studies.evaluation.numbers import study_json
+from service.studies.evaluation.plan import Study, StudyFaultsError, chosen_rows, chunks_of, pumps_in, sized
+from service.studies.evaluation.report import report_html
+from service.studies.evaluation.run import Results, run, scored
 
 TINY = Study(
     (
@@ -215,7 +215,7 @@ def test_command_says_how_to_go_on_after_ctrl_c(tmp_path: Path, monkeypatch: pyt
         raise KeyboardInterrupt
 
     monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr("service.evaluation.command.run", interrupted)
+    monkeypatch.setattr("service.studies.evaluation.command.run", interrupted)
     kept = runner.invoke(app, ["evaluate", "--quick", "--resume", str(tmp_path)])
     assert kept.exit_code == 130
     assert f"goes on from {tmp_path}" in kept.output

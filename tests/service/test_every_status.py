@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.api_document.document import openapi_document, operations
-from service.mappings import latest_mapping
+from service.ingest.mappings import latest_mapping
 from service.registry.ownership import owned_tables
-from service.tables import QUEUED, SUCCEEDED, Job, Record
+from service.storage.tables import QUEUED, SUCCEEDED, Job, Record
+from service.web.api_document.document import openapi_document, operations
 from tests.service.guarded import guarded_client, key
 from tests.service.records import body, document
 from tests.service.test_jobs import archive
@@ -172,7 +172,7 @@ def test_two_versions_of_a_mapping_at_the_same_moment(client: TestClient, monkey
     with first.reading() as session:
         read = latest_mapping(session, "default", "m")
     assert client.put(f"{API}/mappings/m", json=content, headers={"If-Match": '"1"'}).status_code == 200
-    monkeypatch.setattr("service.routes.mappings.latest_mapping", lambda *_: read)
+    monkeypatch.setattr("service.web.routes.mappings.latest_mapping", lambda *_: read)
     problem(client.put(f"{API}/mappings/m", json=content, headers={"If-Match": '"1"'}), 409)
     monkeypatch.undo()
     assert client.get(f"{API}/mappings/m").json()["version"] == 2

@@ -8,10 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 from fastapi.testclient import TestClient
 
-from service import exports
-from service.app import create_app
 from service.demo.fleet import DemoRecord
+from service.reading import exports
 from service.settings import Settings
+from service.web.app import create_app
 from tests.service.test_jobs import API
 
 
@@ -74,7 +74,7 @@ def test_filters_are_half_open_and_need_a_zone(loaded: TestClient) -> None:
 
 
 def test_exports_stay_within_the_operator(settings: Settings, worn_records: list[DemoRecord]) -> None:
-    from service.security import new_key
+    from service.access.security import new_key
 
     with TestClient(create_app(settings.model_copy(update={"auth": "on"}))) as client:
         keys = {}

@@ -10,8 +10,8 @@ from sqlalchemy import update
 
 from detectors.verdict import TREND_METRICS
 from service.alarms.ledger import follow
-from service.tables import Record, StoredAssessment
-from service.threshold_layers import thresholds_of
+from service.storage.tables import Record, StoredAssessment
+from service.thresholds.layers import thresholds_of
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import day, pump_of, write_history
 

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from service.cli import app
 from service.errors import Invalid
-from service.fleet_priors import learn
 from service.settings import Settings
+from service.studies.fleet_priors import learn
 from tests.detectors.fleet import FAULTS, history
 from tests.service.stored_records import store
 from twin.pumps import pump_type
@@ -29,10 +29,10 @@ def test_a_fleet_becomes_a_pump_type_of_its_own(
     store(context, history(9, 30, FAULTS["worn"]).observations, "P-worn", "north")
     store(context, history(10, 12).observations, "P-new", "north")
     with pytest.raises(Invalid) as refused:
-        learn(context, "h225", "h225-south", "south")
+        learn(context.database, context.archive, "h225", "h225-south", "south")
     assert "0 healthy pumps" in refused.value.errors[0].problem
     with pytest.raises(Invalid, match="nothing was learnt"):
-        learn(context, "h225", "h225_thesis", "north")
+        learn(context.database, context.archive, "h225", "h225_thesis", "north")
 
     monkeypatch.setenv("CASEDRAIN_DATABASE_URL", settings.database_url)
     monkeypatch.setenv("CASEDRAIN_DATA_DIR", str(settings.data_dir))
@@ -51,7 +51,7 @@ def test_a_fleet_becomes_a_pump_type_of_its_own(
     assert version.startswith("h225-north-")
     assert version != twin_version(pump_type("h225"))
     # frozen: the same fleet gives the same numbers, and pumps of the type are judged with them
-    again = learn(context, "h225", "h225-other", "north")
+    again = learn(context.database, context.archive, "h225", "h225-other", "north")
     assert {k: v["value"] for k, v in again.document["changes"].items()} == {
         k: v["value"] for k, v in document["changes"].items()
     }

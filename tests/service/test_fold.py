@@ -29,8 +29,8 @@ def everything(client: TestClient, serial: str) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def ordered(worn_records: list[DemoRecord], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What ordered uploads give, on SQLite."""
-    from service.app import create_app
     from service.settings import Settings
+    from service.web.app import create_app
 
     settings = Settings(data_dir=tmp_path_factory.mktemp("ordered"), database_url="", auth="off")
     with TestClient(create_app(settings)) as client:

@@ -10,10 +10,10 @@ from fastapi.testclient import TestClient
 from sqlalchemy import select
 
 from detectors.prognosis import Forecast, NoForecast
-from service.database import Database
-from service.monitoring.forecast import SPACING, TrendPoint, forecast_of_trend
+from service.reading.forecast import SPACING, TrendPoint, forecast_of_trend
 from service.settings import Settings
-from service.tables import ANALYSED, Installation, Pump, Record, StoredAssessment
+from service.storage.database import Database
+from service.storage.tables import ANALYSED, Installation, Pump, Record, StoredAssessment
 from tests.service.records import body
 
 LIMIT = 1.5

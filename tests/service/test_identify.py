@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from service.cli import app
-from service.parameter_files import named_or_written
+from service.pump_types.parameter_files import named_or_written
 from tests.twin.test_identification import BENCH, DEVIATIONS, FACTORS, measured
 from twin.pumps.written import pump_type_from
 

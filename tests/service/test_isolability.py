@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from detectors.isolability import isolability
 from detectors.isolability_plan import Plan, sensors_of
-from service.app import create_app
 from service.cli import app
 from service.settings import Settings
+from service.web.app import create_app
 from twin.pumps import circuit_parameters, pump_type
 
 URL = "/api/v1/twin/isolability"

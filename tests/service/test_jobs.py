@@ -16,11 +16,11 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import func, select
 
-from service.app import create_app
 from service.demo.fleet import DemoRecord
-from service.raw_store import content_hash
 from service.settings import Settings
-from service.tables import ANALYSED, JobItem, Record
+from service.storage.raw_store import content_hash
+from service.storage.tables import ANALYSED, JobItem, Record
+from service.web.app import create_app
 from tests.service.finished_job import finished
 from tests.service.records import body, document
 
@@ -124,7 +124,7 @@ def test_reprocess_changes_nothing_when_nothing_changed(client: TestClient, worn
 def test_a_dry_run_shows_what_would_change_and_changes_nothing(
     client: TestClient, worn_records: list[DemoRecord]
 ) -> None:
-    from service.tables import StoredAssessment
+    from service.storage.tables import StoredAssessment
 
     for record in worn_records[:4]:
         client.post(f"{API}/records", content=record.content, headers={"content-type": "text/csv"})
@@ -185,7 +185,7 @@ def test_a_job_is_cancelled_between_items_and_only_once(client: TestClient) -> N
 
 
 def test_jobs_of_other_operators_are_unseen(settings: Settings) -> None:
-    from service.security import new_key
+    from service.access.security import new_key
 
     guarded = settings.model_copy(update={"auth": "on"})
     with TestClient(create_app(guarded)) as client:
@@ -304,10 +304,10 @@ def start_worker(settings: Settings, workers: list[subprocess.Popen[str]]) -> su
 @pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)  # on Postgres: the test of several workers
 def test_kill_9_in_the_middle_costs_nothing(settings: Settings, workers: list[subprocess.Popen[str]]) -> None:
     """A worker is killed while it imports; the next one finishes the job with every item exactly once."""
+    from service.access.security import EVERYBODY
     from service.jobs.requests import ask_for
     from service.running import opened
-    from service.security import EVERYBODY
-    from service.tables import Job
+    from service.storage.tables import Job
 
     n = 60
     context = opened(settings)
@@ -349,10 +349,10 @@ def test_several_workers_share_the_jobs_and_finish_those_of_one_that_is_killed(
     settings: Settings, workers: list[subprocess.Popen[str]], stack: ExitStack
 ) -> None:
     """Two workers on one database, one of them killed in the middle of a job, which never comes back."""
+    from service.access.security import EVERYBODY
     from service.jobs.requests import ask_for
     from service.running import opened
-    from service.security import EVERYBODY
-    from service.tables import Job
+    from service.storage.tables import Job
 
     n_jobs, n_flights = 4, 10
     first, second = (launch_worker(settings, workers, name) for name in ("first", "second"))

@@ -8,7 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import func, select
 
-from service.tables import Pump, Record, Refusal, StoredMapping
+from service.storage.tables import Pump, Record, Refusal, StoredMapping
 from tests.service.finished_job import finished
 from tests.service.records import METADATA, body, document
 

@@ -17,7 +17,7 @@ from sqlalchemy import select, update
 from service.notifications import webhook_call
 from service.notifications.guard import Blocked, is_public, target_of
 from service.notifications.worker import BACKOFF_S, Postman
-from service.tables import Delivery, Message, Webhook
+from service.storage.tables import Delivery, Message, Webhook
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
 from tests.service.receivers import NEVER, Inbox, mail_server, webhook_receiver

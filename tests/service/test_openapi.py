@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.api_document.document import operations
+from service.web.api_document.document import operations
 from tests.openapi_document import DOCUMENT, document_text
 from tests.service.matrix import MATRIX, PAGE
 
@@ -79,6 +79,8 @@ def test_the_page_shows_every_call_without_scripts(client: TestClient) -> None:
 
 
 def test_the_examples_ship_with_the_package() -> None:
-    text = (Path(__file__).parents[2] / "service" / "api_document" / "examples.json").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "service" / "web" / "api_document" / "examples.json").read_text(
+        encoding="utf-8"
+    )
     assert json.loads(text)
     assert not re.search(r"cd_[\w-]{40}|whsec_[\w+/=]{20}", text), "no example may hold what looks like a secret"

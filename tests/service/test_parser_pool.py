@@ -15,7 +15,7 @@ import pytest
 from service.errors import TooLarge, Undecodable
 from service.ingest.parser_pool import ParserLimits, ParserPool
 from service.ingest.raw import Limits, RawRecord
-from service.spool import Spool
+from service.storage.spool import Spool
 from tests.service.records import body, document
 
 LIMITS = Limits(1_000_000_000, 10_000_000)

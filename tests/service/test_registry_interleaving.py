@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
 from sqlalchemy import select
 
-from service.app import create_app
 from service.monitoring.refold import refold
-from service.tables import Pump, StoredAssessment
+from service.storage.tables import Pump, StoredAssessment
+from service.web.app import create_app
 from tests.service.records import document
 
 JSON = {"content-type": "application/json"}

@@ -11,13 +11,13 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import func, select
 
-from service.app import create_app
+from service.access.security import EVERYBODY, new_key
 from service.registry.deletion import delete_operator, finish_deletions, receipt_hash
 from service.registry.operators import expire
 from service.registry.ownership import owned_tables, rows_of
-from service.security import EVERYBODY, new_key
 from service.settings import Settings
-from service.tables import Base, Deletion
+from service.storage.tables import Base, Deletion
+from service.web.app import create_app
 from tests.service.finished_job import finished
 from tests.service.records import body, document
 

@@ -13,10 +13,10 @@ from detectors.reduction import reduce_recording
 from detectors.thresholds import effective
 from detectors.verdict import Assessment
 from service.history.known import Known, PlacedRecord
+from service.history.placement import Interval, changes, place_at
+from service.history.setting import Setting, setting_at
 from service.monitoring.fold import fold
-from service.monitoring.placement import Interval, changes, place_at
-from service.monitoring.setting import Setting, setting_at
-from service.registry.silence import patience
+from service.reading.silence import patience
 from tests.service.records import document
 from twin.pumps import circuit_parameters, pump_type
 from twin.recording import Recording

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.app import create_app
 from service.demo.fleet import DemoRecord
 from service.settings import Settings
+from service.web.app import create_app
 from tests.detectors.fleet import FAULTS, history
 from tests.service.finished_job import finished
 from tests.service.stored_records import store
@@ -131,7 +131,7 @@ def test_versions_that_do_not_exist_are_refused_by_name(client: TestClient) -> N
 
 @pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 def test_verdicts_by_other_thresholds_take_an_engineer(settings: Settings) -> None:
-    from service.security import new_key
+    from service.access.security import new_key
 
     with TestClient(create_app(settings.model_copy(update={"auth": "on"}))) as client:
         context = client.app.state.context  # type: ignore[attr-defined]

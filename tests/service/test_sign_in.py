@@ -12,7 +12,7 @@ from sqlalchemy import select, update
 from typer.testing import CliRunner
 
 from service.cli import app
-from service.tables import ApiKey, FailedSignIn, SignedIn, User
+from service.storage.tables import ApiKey, FailedSignIn, SignedIn, User
 from tests.service.guarded import guarded_client, key
 
 PASSWORD = "a long enough sentence"

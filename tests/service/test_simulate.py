@@ -9,11 +9,11 @@ from typer.testing import CliRunner
 
 from service.cli import app
 from service.ingest.decode import DecodedRecord, Limits, decode
-from service.simulation.picture import N_BUCKETS, Thinned, drawn
-from service.simulation.run import run_file
-from service.simulation.scenario_file import ScenarioFaultsError, read_scenario
-from service.simulation.writer import ROW_GROUP, record_writer
-from service.upload_files import content_type_of
+from service.ingest.upload_files import content_type_of
+from service.studies.simulation.picture import N_BUCKETS, Thinned, drawn
+from service.studies.simulation.run import run_file
+from service.studies.simulation.scenario_file import ScenarioFaultsError, read_scenario
+from service.studies.simulation.writer import ROW_GROUP, record_writer
 from twin.pumps import circuit_parameters, pump_type
 from twin.recording import REQUIRED_CHANNELS, Recording
 from twin.simulation.run import simulate

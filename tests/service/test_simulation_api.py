@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from service.app import create_app
 from service.settings import Settings
-from service.simulation import requested
+from service.studies.simulation import requested
+from service.web.app import create_app
 from twin.condition import Condition
 from twin.operating_point import operating_point
 from twin.pumps import circuit_parameters, pump_type

@@ -12,14 +12,14 @@ from structlog.testing import capture_logs
 
 from detectors.observation import Observation
 from service.alarms.ledger import points_of
-from service.app import create_app
 from service.context import Context
-from service.monitoring import knowledge
+from service.history import knowledge
 from service.monitoring.refold import refold
 from service.monitoring.snapshots import wanted
 from service.running import opened
 from service.settings import Settings
-from service.tables import FoldSnapshot, MaintenanceEvent, Record, StoredAssessment
+from service.storage.tables import FoldSnapshot, MaintenanceEvent, Record, StoredAssessment
+from service.web.app import create_app
 from tests.detectors.fleet import FAULTS, history
 from tests.service.stored_records import STORED, locked, store
 

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.app import create_app
-from service.security import ROLES
+from service.access.security import ROLES
 from service.settings import Settings
+from service.web.app import create_app
 from tests.service.guarded import guarded_client, key
 from tests.service.matrix import ENDING, MATRIX, OPEN, PAGE, routes_of, seeded, sent
 

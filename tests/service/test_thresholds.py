@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from service.app import create_app
 from service.demo.fleet import DemoRecord
 from service.settings import Settings
+from service.web.app import create_app
 from tests.service.finished_job import finished
 from tests.service.guarded import guarded_client, key
 

@@ -9,10 +9,10 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import func, select
 
-from service.app import create_app
 from service.demo.fleet import DemoRecord
 from service.settings import Settings
-from service.tables import Pump, Record, Refusal, StoredAssessment
+from service.storage.tables import Pump, Record, Refusal, StoredAssessment
+from service.web.app import create_app
 from tests.service.records import METADATA, body, document
 
 JSON = {"content-type": "application/json"}
@@ -254,8 +254,8 @@ def test_unknown_query_parameters_are_refused_by_name(client: TestClient) -> Non
 
 
 def test_stored_but_not_analysed_is_picked_up_at_the_next_start(client: TestClient, settings: Any) -> None:
+    from service.access.security import EVERYBODY
     from service.monitoring.acceptance import Upload
-    from service.security import EVERYBODY
 
     context = client.app.state.context  # type: ignore[attr-defined]
     with context.spool.of(body()) as file:

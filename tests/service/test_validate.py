@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from service.cli import app
-from service.validation.report import counts_of, report_html, rows_json
+from service.studies.validation.report import counts_of, report_html, rows_json
 from twin.validation import catalogue
 from twin.validation.evidence import Curve, Evidence, Plot, Row
 

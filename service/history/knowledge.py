@@ -1,0 +1,256 @@
+"""What is known of a pump, now or at an earlier instant, gathered from the database for the fold."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, TypeAlias, TypeVar
+
+from sqlalchemy import ColumnElement, Row, or_, select
+from sqlalchemy.orm import Session
+
+from detectors.flights import Outline
+from detectors.observation import Maintenance, Observation
+from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
+from service.history.archive import Archive
+from service.history.healthy_curves import healthy_curve
+from service.history.known import Known, Observations, PlacedRecord
+from service.history.placement import Interval, Place, changes, place_at
+from service.history.setting import Setting, setting_at
+from service.ingest.decode import DEFAULT_PUMP_TYPE
+from service.pump_types.parameter_sets import held_type
+from service.storage.tables import (
+    ANALYSED,
+    SUPERSEDED,
+    WITHDRAWN,
+    Entry,
+    Installation,
+    MaintenanceEvent,
+    Pump,
+    Record,
+    ReductionOutline,
+    RegistryVersion,
+)
+from service.thresholds.layers import Effective, thresholds_of
+from twin.version import twin_version
+
+AnyEntry = TypeVar("AnyEntry", bound=Entry)
+AnyRow: TypeAlias = Row[*tuple[Any, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Knowledge:
+    """Input of the fold with what the stored verdicts say beside it.
+
+    ``anew`` holds the analyses that differ from the stored ones, by record: other thresholds, surroundings or
+    pump type than they were made with. ``flight_hours`` are those of the records that state them.
+    """
+
+    known: Known
+    kind: str
+    thresholds: Effective
+    anew: Mapping[str, RecordAnalysis]
+    flight_hours: Mapping[str, float]
+
+    def observations(self, session: Session) -> Observations:
+        """What reads the observations of records from the database."""
+        outlines = {p.outline.record_id: p.outline for p in self.known.placed}
+
+        def read(ids: Sequence[str]) -> Mapping[str, Observation]:
+            documents = {i: self.anew[i].reduction for i in ids if i in self.anew}
+            documents |= _reductions(session, [i for i in ids if i not in self.anew])
+            return {i: observation_at(outlines[i], documents[i], self.flight_hours.get(i)) for i in ids}
+
+        return read
+
+    @property
+    def twin_version(self) -> str:
+        """Version of the twin, with that of the measured curve which stands in for it."""
+        version = twin_version(self.known.kind)
+        return version if self.known.healthy is None else f"{version}+{self.known.healthy.version}"
+
+
+def knowledge(
+    session: Session,
+    pump: Pump,
+    archive: Archive,
+    known_at: datetime | None = None,
+    *,
+    thresholds: Effective | None = None,
+    reduce_anew: bool = False,
+    pump_type_name: str | None = None,
+) -> Knowledge:
+    """Gather what is known of a pump; no reduction is read that was made as it would be made now.
+
+    Parameters
+    ----------
+    known_at
+        Instant whose knowledge counts; None for now. Records that were superseded or withdrawn later count again,
+        and so do entries, thresholds and registry values of that time.
+    thresholds
+        Thresholds that stand in for the pump's own; None for its own.
+    reduce_anew
+        Read every record again from its raw bytes, where they are kept.
+    pump_type_name
+        Parameter set of the twin that stands in for the pump's own; None for its own.
+    """
+    rows = session.execute(select(*_LIGHT).where(*_counting(pump.id, known_at))).all()
+    name, registered = _kind(session, pump, rows, known_at)
+    name = pump_type_name or name
+    kind = held_type(session, pump.operator, name)
+    thresholds = thresholds or thresholds_of(session, pump.operator, pump.serial, name, known_at)
+    intervals = installation_intervals(session, pump.id, known_at)
+    placed, anew = [], {}
+    aircraft: dict[str, Mapping[str, Any]] = {}
+    keys: dict[Setting, str] = {}
+    older = [row.id for row in rows if row.reduction_digest is None]
+    without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
+    for row in rows:
+        if row.started_at is None:
+            raise RuntimeError(f"record {row.id} counts without a start")
+        place = place_at(intervals, row.aircraft or "", row.position or "", row.started_at)
+        if place.aircraft not in aircraft:
+            aircraft[place.aircraft] = registry_values(session, pump.operator, "aircraft", place.aircraft, known_at)
+        setting = setting_at(aircraft[place.aircraft], row.started_at)
+        flags = place.flags + _record_flags(row, name, registered, setting)
+        if setting not in keys:
+            keys[setting] = analysis_key(kind, setting, thresholds)
+        outline = without_outline.get(row.id) or _stored_outline(row)
+        if reduce_anew or outline is None or row.reduced_with != keys[setting]:
+            if outline is not None and row.raw_removed_at is not None:
+                flags += ("raw bytes are no longer kept: analysed as they were before",)
+            else:
+                analysis = analysed(archive.recording(session.get_one(Record, row.id), kind), kind, setting, thresholds)
+                anew[row.id], outline = analysis, ReductionOutline.of(analysis.reduction)
+        placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
+    placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
+    maintenance = tuple(Maintenance(e.at, e.action) for e in entries(session, MaintenanceEvent, pump.id, known_at))
+    healthy = healthy_curve(session, pump.operator, name, known_at)
+    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy)
+    hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
+    return Knowledge(known, name, thresholds, anew, hours)
+
+
+_LIGHT = (
+    Record.id,
+    Record.started_at,
+    Record.aircraft,
+    Record.position,
+    Record.flight_id,
+    Record.segment,
+    Record.pump_type,
+    Record.flight_hours,
+    Record.raw_removed_at,
+    Record.reduced_with,
+    Record.reduction_digest,
+    Record.has_zero_flow,
+    Record.has_spectrum,
+)
+"""All that is read of every record, whatever the fold needs; a reduction is a hundred times as much."""
+_MOST_IDS = 500
+
+
+def counting_records(session: Session, pump_id: int) -> list[Record]:
+    """Records that count now, whole."""
+    query = select(Record).where(*_counting(pump_id, None))
+    return list(session.scalars(query.order_by(Record.started_at, Record.id)))
+
+
+def _counting(pump_id: int, known_at: datetime | None) -> tuple[ColumnElement[bool], ...]:
+    """What picks the records that count now, or that counted at an instant."""
+    if known_at is None:
+        return Record.pump_id == pump_id, Record.status == ANALYSED
+    return (
+        Record.pump_id == pump_id,
+        Record.status.in_((ANALYSED, SUPERSEDED, WITHDRAWN)),
+        Record.received_at <= known_at,
+        or_(Record.ended_at.is_(None), Record.ended_at > known_at),
+    )
+
+
+def _reductions(session: Session, ids: Sequence[str]) -> dict[str, Any]:
+    """Stored reductions of records, as JSON objects."""
+    found: dict[str, Any] = {}
+    for start in range(0, len(ids), _MOST_IDS):
+        query = select(Record.id, Record.reduction).where(Record.id.in_(ids[start : start + _MOST_IDS]))
+        found |= {row.id: row.reduction for row in session.execute(query)}
+    return found
+
+
+def _stored_outline(row: AnyRow) -> ReductionOutline | None:
+    if row.reduction_digest is None:
+        return None
+    return ReductionOutline(row.reduction_digest, bool(row.has_zero_flow), bool(row.has_spectrum))
+
+
+def _outline(row: AnyRow, place: Place, outline: ReductionOutline) -> Outline:
+    return Outline(
+        # the content decides the order of records of the same instant, not the order of their arrival
+        record_id=row.id,
+        at=row.started_at,
+        aircraft=place.aircraft,
+        position=place.position,
+        flight_id=row.flight_id or "",
+        segment=row.segment or None,
+        has_zero_flow=outline.has_zero_flow,
+        has_spectrum=outline.has_spectrum,
+    )
+
+
+def entries(
+    session: Session, table: type[AnyEntry], pump_id: int, known_at: datetime | None = None
+) -> Sequence[AnyEntry]:
+    """Entries about a pump that count now, or that counted at an instant."""
+    query = select(table).where(table.pump_id == pump_id)
+    if known_at is None:
+        query = query.where(table.withdrawn_at.is_(None))
+    else:
+        query = query.where(
+            table.recorded_at <= known_at, or_(table.withdrawn_at.is_(None), table.withdrawn_at > known_at)
+        )
+    return session.scalars(query.order_by(table.row_id)).all()
+
+
+def installation_intervals(session: Session, pump_id: int, known_at: datetime | None = None) -> list[Interval]:
+    """Entered installations of a pump in event order."""
+    found = entries(session, Installation, pump_id, known_at)
+    intervals = [Interval(i.aircraft, i.position, i.installed_at, i.removed_at) for i in found]
+    return sorted(intervals, key=lambda i: i.installed_at)
+
+
+def registry_values(
+    session: Session, operator: str, kind: str, name: str, known_at: datetime | None = None
+) -> dict[str, Any]:
+    """What the registry says of a pump or an aircraft; empty where nobody has said anything."""
+    query = select(RegistryVersion.values).where(
+        RegistryVersion.operator == operator, RegistryVersion.kind == kind, RegistryVersion.name == name
+    )
+    if known_at is not None:
+        query = query.where(RegistryVersion.recorded_at <= known_at)
+    return session.scalar(query.order_by(RegistryVersion.id.desc()).limit(1)) or {}
+
+
+def setting_of(session: Session, operator: str, serial: str, aircraft: str, position: str, at: datetime) -> Setting:
+    """Surroundings of a record before it is stored."""
+    pump_id = session.scalar(select(Pump.id).where(Pump.operator == operator, Pump.serial == serial))
+    intervals = [] if pump_id is None else installation_intervals(session, pump_id)
+    place = place_at(intervals, aircraft, position, at)
+    return setting_at(registry_values(session, operator, "aircraft", place.aircraft), at)
+
+
+def _kind(session: Session, pump: Pump, rows: Sequence[AnyRow], known_at: datetime | None) -> tuple[str, bool]:
+    """Pump type, and whether somebody has registered it: else the earliest record that names one decides."""
+    registered = registry_values(session, pump.operator, "pump", pump.serial, known_at).get("pump_type")
+    if registered is not None:
+        return registered, True
+    naming = min((row for row in rows if row.pump_type), key=lambda r: (r.started_at, r.id), default=None)
+    return (naming.pump_type if naming is not None else DEFAULT_PUMP_TYPE), False
+
+
+def _record_flags(row: AnyRow, kind: str, registered: bool, setting: Setting) -> tuple[str, ...]:
+    flags = []
+    if row.pump_type not in (None, kind):
+        source = "is registered as" if registered else "was first named as"
+        flags.append(f"records name pump type {row.pump_type}, the pump {source} {kind}")
+    if setting.unknown_fluid is not None:
+        flags.append(f"the twin has no properties of {setting.unknown_fluid}: computed with the pump type's fluid")
+    return tuple(flags)

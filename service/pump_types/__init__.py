@@ -1,0 +1,1 @@
+"""Parameter sets by name, built in and stored."""

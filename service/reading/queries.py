@@ -1,0 +1,255 @@
+"""Reading: the questions that routes and pages ask of the database."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, TypeVar
+
+from sqlalchemy import Select, func, select, tuple_
+from sqlalchemy.orm import Session
+
+from service.access.security import Principal
+from service.errors import NotFound
+from service.history.verdicts import empty_verdict
+from service.pump_types.parameter_sets import held_type
+from service.storage.tables import Aircraft, ApiKey, Pump, Record, StoredAssessment, VerdictRevision, Webhook
+from service.thresholds.layers import thresholds_of
+
+
+def record(session: Session, principal: Principal, record_id: str) -> Record:
+    """One record.
+
+    Raises
+    ------
+    NotFound
+        when there is none that this principal may see.
+    """
+    row = session.get(Record, record_id)
+    if row is None or principal.operator not in (None, row.operator):
+        raise NotFound(f"there is no record {record_id}")
+    return row
+
+
+def pump(session: Session, principal: Principal, serial: str, operator: str | None) -> Pump:
+    """One pump by serial number, within the operator's own.
+
+    Raises
+    ------
+    NotFound
+        when there is none that this principal may see, or several operators have one and none was named.
+    """
+    return _only(session, select(Pump).where(Pump.serial == serial), Pump, principal, operator, f"pump {serial}")
+
+
+def aircraft(session: Session, principal: Principal, name: str, operator: str | None) -> Aircraft:
+    """One aircraft by name, within the operator's own; raises as ``pump``."""
+    query = select(Aircraft).where(Aircraft.name == name)
+    return _only(session, query, Aircraft, principal, operator, f"aircraft {name}")
+
+
+Owned = TypeVar("Owned", Pump, Aircraft)
+
+
+def _only(
+    session: Session,
+    query: Select[Owned],
+    table: type[Owned],
+    principal: Principal,
+    operator: str | None,
+    words: str,
+) -> Owned:
+    """The one row of a query that belongs to the principal's operator, or to the one that was named."""
+    wanted = principal.operator or operator
+    if wanted is not None:
+        query = query.where(table.operator == wanted)
+    rows = session.scalars(query.limit(2)).all()
+    if len(rows) > 1:
+        article = "an" if words[0] in "aeiou" else "a"
+        raise NotFound(f"several operators have {article} {words}: name one with ?operator=")
+    if not rows or (operator is not None and rows[0].operator != operator):
+        raise NotFound(f"there is no {words}")
+    return rows[0]
+
+
+Made = TypeVar("Made", ApiKey, Webhook)
+
+
+def in_order_of_making(table: type[Made], principal: Principal, after: Sequence[Any] | None) -> Select[Made]:
+    """Keys or webhooks that an admin may manage, the oldest first, behind the place of a cursor."""
+    query = select(table).order_by(table.created_at, table.id)
+    if principal.operator is not None:
+        query = query.where(table.operator == principal.operator)
+    if after is not None:
+        query = query.where(tuple_(table.created_at, table.id) > (datetime.fromisoformat(after[0]), after[1]))
+    return query
+
+
+def records(
+    principal: Principal,
+    *,
+    serial: str | None = None,
+    since: datetime | None = None,
+    until: datetime | None = None,
+    status: str | None = None,
+    after: Sequence[Any] | None = None,
+) -> Select[Record, str | None]:
+    """Records with their pump's serial, newest received first."""
+    query = select(Record, Pump.serial).outerjoin(Pump, Record.pump_id == Pump.id)
+    if principal.operator is not None:
+        query = query.where(Record.operator == principal.operator)
+    if serial is not None:
+        query = query.where(Pump.serial == serial)
+    if since is not None:
+        query = query.where(Record.started_at >= since)
+    if until is not None:
+        query = query.where(Record.started_at < until)
+    if status is not None:
+        query = query.where(Record.status == status)
+    if after is not None:
+        place = (datetime.fromisoformat(after[0]), after[1])
+        query = query.where(tuple_(Record.received_at, Record.id) < place)
+    return query.order_by(Record.received_at.desc(), Record.id.desc())
+
+
+def pumps(principal: Principal, after: Sequence[Any] | None = None) -> Select[Pump]:
+    """Pumps by operator and serial."""
+    query = select(Pump)
+    if principal.operator is not None:
+        query = query.where(Pump.operator == principal.operator)
+    if after is not None:
+        query = query.where(tuple_(Pump.operator, Pump.serial) > tuple(after))
+    return query.order_by(Pump.operator, Pump.serial)
+
+
+def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAssessment]:
+    """A pump's assessments in event order."""
+    query = select(StoredAssessment).where(StoredAssessment.pump_id == pump_id)
+    if until is not None:
+        query = query.where(StoredAssessment.at <= until)
+    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
+
+
+@dataclass(frozen=True, slots=True)
+class TrendOfRecord:
+    """What one record added to the trends, and where and when in the pump's life it was taken."""
+
+    at: datetime
+    aircraft: str
+    position: str
+    flight_hours: float | None
+    state: str
+    trend: dict[str, Any]
+
+
+def trends_of_records(session: Session, pump_id: int) -> list[TrendOfRecord]:
+    """A pump's trend points with their place and flight hours, in event order."""
+    kept = StoredAssessment
+    query = select(kept.at, kept.aircraft, kept.position, Record.flight_hours, kept.state, kept.trend).join(
+        Record, Record.id == StoredAssessment.record_id
+    )
+    query = query.where(StoredAssessment.pump_id == pump_id)
+    rows = session.execute(query.order_by(StoredAssessment.at, StoredAssessment.record_id))
+    return [TrendOfRecord(*row) for row in rows]
+
+
+def assessments_at(operator: str, aircraft: str, position: str) -> Select[StoredAssessment, str]:
+    """Assessments of whatever pump sat at a position, with its serial, in event order."""
+    query = select(StoredAssessment, Pump.serial).join(Pump, StoredAssessment.pump_id == Pump.id)
+    query = query.where(
+        Pump.operator == operator, StoredAssessment.aircraft == aircraft, StoredAssessment.position == position
+    )
+    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
+
+
+def newest_assessments(session: Session, pump_id: int, n: int) -> list[StoredAssessment]:
+    """A pump's newest ``n`` assessments in event order."""
+    query = select(StoredAssessment).where(StoredAssessment.pump_id == pump_id)
+    newest = query.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(n)
+    return list(session.scalars(newest))[::-1]
+
+
+def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
+    """The newest assessment of each pump that has one."""
+    # pump by pump from the end of the index: numbering the rows of whole histories grows with their length
+    newest = (
+        select(StoredAssessment.record_id)
+        .where(StoredAssessment.pump_id == Pump.id)
+        .order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc())
+        .limit(1)
+        .correlate(Pump)
+        .scalar_subquery()
+    )
+    query = select(StoredAssessment).where(StoredAssessment.record_id.in_(select(newest).where(Pump.id.in_(pump_ids))))
+    return {a.pump_id: a for a in session.scalars(query)}
+
+
+def verdict(session: Session, row: Pump, at: datetime | None = None) -> dict[str, Any]:
+    """Verdict of a pump now or at an event time, in the shape of the API."""
+    query = select(StoredAssessment).where(StoredAssessment.pump_id == row.id)
+    if at is not None:
+        query = query.where(StoredAssessment.at <= at)
+    last = session.scalar(query.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(1))
+    if last is not None:
+        return last.verdict
+    kind = held_type(session, row.operator, row.pump_type)
+    return empty_verdict(kind, thresholds_of(session, row.operator, row.serial, row.pump_type))
+
+
+def verdict_changes(session: Session, row: Pump) -> list[StoredAssessment]:
+    """The assessments at which the pump's state changed, in event order."""
+    changes: list[StoredAssessment] = []
+    for assessment in session.scalars(assessments(row.id)):
+        if not changes or changes[-1].state != assessment.state:
+            changes.append(assessment)
+    return changes
+
+
+def revisions(pump_id: int, after: int | None = None) -> Select[VerdictRevision]:
+    """Past verdicts of a pump that changed, the newest change first."""
+    query = select(VerdictRevision).where(VerdictRevision.pump_id == pump_id)
+    if after is not None:
+        query = query.where(VerdictRevision.id < after)
+    return query.order_by(VerdictRevision.id.desc())
+
+
+def n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:
+    """Number of records that count, by pump."""
+    query = select(StoredAssessment.pump_id, func.count()).where(StoredAssessment.pump_id.in_(pump_ids))
+    return {pump_id: int(n) for pump_id, n in session.execute(query.group_by(StoredAssessment.pump_id))}
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """When a record began, and the pump's flight hours then [h]."""
+
+    started_at: datetime | None
+    flight_hours: float | None
+
+
+def flights_of(session: Session, record_ids: Sequence[str]) -> dict[str, Flight]:
+    """Flights of records, without their reductions."""
+    query = select(Record.id, Record.started_at, Record.flight_hours).where(Record.id.in_(record_ids))
+    return {record_id: Flight(started_at, hours) for record_id, started_at, hours in session.execute(query)}
+
+
+@dataclass(frozen=True, slots=True)
+class AssessmentOfRecord:
+    """What was known right after one record."""
+
+    serial: str
+    verdict: dict[str, Any]
+
+
+def assessment_of(session: Session, record_id: str) -> AssessmentOfRecord:
+    """Assessment right after one analysed record.
+
+    Raises
+    ------
+    NotFound
+        when the record is not assessed.
+    """
+    query = select(Pump.serial, StoredAssessment.verdict).join(StoredAssessment, StoredAssessment.pump_id == Pump.id)
+    found = session.execute(query.where(StoredAssessment.record_id == record_id)).first()
+    if found is None:
+        raise NotFound(f"record {record_id} has no verdict")
+    return AssessmentOfRecord(found[0], found[1])

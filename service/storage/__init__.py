@@ -1,0 +1,1 @@
+"""Anything that outlives a process: database, tables, raw bytes, spooled uploads."""

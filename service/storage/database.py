@@ -1,0 +1,122 @@
+"""Engine and sessions: the same code for SQLite and Postgres, one transaction per request."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from alembic import command
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, Engine, create_engine, event, text
+from sqlalchemy.engine import make_url
+from sqlalchemy.orm import Session, sessionmaker
+
+import service
+
+_CONNECT_TIMEOUT_S = 5
+
+
+class Database:
+    """One engine with sessions for reading and for writing."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self.engine = _engine(url)
+        self._reading = sessionmaker(self.engine, expire_on_commit=False)
+        self._writing = sessionmaker(self.engine.execution_options(writes=True), expire_on_commit=False)
+
+    @property
+    def is_sqlite(self) -> bool:
+        return self.engine.dialect.name == "sqlite"
+
+    @contextmanager
+    def reading(self) -> Iterator[Session]:
+        """Session for reading; nothing it changes is kept."""
+        with self._reading() as session:
+            yield session
+
+    @contextmanager
+    def writing(self) -> Iterator[Session]:
+        """Session whose block is one transaction: committed at the end, rolled back on any error."""
+        with self._writing.begin() as session:
+            yield session
+
+    def ping(self) -> None:
+        """Ask the database for one row; raises what the driver raises."""
+        with self.engine.connect() as connection:
+            connection.execute(text("SELECT 1"))
+
+    def close(self) -> None:
+        """Close every pooled connection."""
+        self.engine.dispose()
+
+
+def _engine(url: str) -> Engine:
+    parsed = make_url(url)
+    if parsed.get_backend_name() == "sqlite":
+        if parsed.database and parsed.database != ":memory:":
+            Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
+        engine = create_engine(parsed, connect_args={"timeout": 30, "check_same_thread": False})
+        event.listen(engine, "connect", _on_sqlite_connect)
+        event.listen(engine, "begin", _on_sqlite_begin)
+        return engine
+    if parsed.drivername == "postgresql":
+        parsed = parsed.set(drivername="postgresql+psycopg")
+    # a dead peer must not hang a request: connect_timeout alone does not cover an established connection
+    options = {
+        "connect_timeout": _CONNECT_TIMEOUT_S,
+        "client_encoding": "utf8",
+        "keepalives": 1,
+        "keepalives_idle": 10,
+        "keepalives_interval": 5,
+        "keepalives_count": 3,
+        "tcp_user_timeout": 15_000,
+        "options": "-c statement_timeout=60000 -c timezone=UTC",
+    }
+    return create_engine(parsed, pool_pre_ping=True, pool_size=10, max_overflow=10, connect_args=options)
+
+
+def _on_sqlite_connect(connection: Any, _record: Any) -> None:
+    connection.isolation_level = None  # SQLAlchemy's begin event decides how a transaction starts
+    cursor = connection.cursor()
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000", "foreign_keys=ON"):
+        cursor.execute(f"PRAGMA {pragma}")
+    cursor.close()
+
+
+def _on_sqlite_begin(connection: Connection) -> None:
+    # a deferred read-then-write fails with "database is locked" in spite of the timeout
+    writes = connection.get_execution_options().get("writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def migrations_folder() -> Path:
+    """Folder of the migrations: inside the installed package, or beside it in a checkout."""
+    package = Path(service.__file__).resolve().parent
+    return next(f for f in (package / "migrations", package.parent / "migrations") if f.is_dir())
+
+
+def alembic_config(url: str) -> Config:
+    """Alembic's configuration for a database, independent of the current folder."""
+    config = Config()
+    config.set_main_option("script_location", str(migrations_folder()).replace("%", "%%"))
+    config.attributes["url"] = url
+    return config
+
+
+def upgrade(url: str) -> None:
+    """Bring a database to the newest schema; safe to call again."""
+    _engine(url).dispose()  # makes the folder of an SQLite file
+    command.upgrade(alembic_config(url), "head")
+
+
+def pending_migration(database: Database) -> str | None:
+    """Sentence that says how far the schema is behind; None when it is current."""
+    head = ScriptDirectory.from_config(alembic_config(database.url)).get_current_head()
+    with database.engine.connect() as connection:
+        current = MigrationContext.configure(connection).get_current_revision()
+    if current == head:
+        return None
+    return f"the database is at revision {current or 'none'}, this program needs {head}: run `casedrain db upgrade`"

@@ -1,0 +1,37 @@
+"""Operators: how long their raw data are kept, and proof that one was deleted."""
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy.orm import Mapped, mapped_column
+
+from service.storage.tables.base import Base
+
+
+class OperatorSettings(Base):
+    """What one operator has set; an operator without a row keeps everything."""
+
+    __tablename__ = "operator_settings"
+
+    operator: Mapped[str] = mapped_column(primary_key=True)
+    retention_days: Mapped[int | None]
+    changed_at: Mapped[datetime]
+    author: Mapped[str]
+
+
+class Deletion(Base):
+    """An operator's deletion: ``pending`` names raw bytes still to be removed, ``receipt`` is the proof afterwards.
+
+    The column of the deleted operator is called ``deleted_operator`` so that the row outlives what it proves.
+    """
+
+    __tablename__ = "deletions"
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    deleted_operator: Mapped[str]
+    author: Mapped[str]
+    reason: Mapped[str]
+    started_at: Mapped[datetime]
+    finished_at: Mapped[datetime | None]
+    pending: Mapped[dict[str, Any]]
+    receipt: Mapped[dict[str, Any]]

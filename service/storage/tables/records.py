@@ -1,0 +1,155 @@
+"""Uploads, what the analysis made of them, and those that were refused."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import ForeignKey, Index, text
+from sqlalchemy.orm import Mapped, mapped_column, validates
+
+from service.storage.tables.base import Base
+
+STORED = "stored"
+ANALYSED = "analysed"
+REFUSED = "refused"
+SUPERSEDED = "superseded"
+WITHDRAWN = "withdrawn"
+
+
+@dataclass(frozen=True, slots=True)
+class ReductionOutline:
+    """A stored reduction in short: SHA-256 of its canonical JSON, an accepted zero-flow window, a spectrum."""
+
+    digest: str
+    has_zero_flow: bool
+    has_spectrum: bool
+
+    @classmethod
+    def of(cls, reduction: dict[str, Any]) -> "ReductionOutline":
+        """Outline of a reduction as it is stored."""
+        canonical = json.dumps(reduction, sort_keys=True, separators=(",", ":"))
+        return cls(
+            digest=hashlib.sha256(canonical.encode()).hexdigest(),
+            has_zero_flow=any(w["accepted"] and w["kind"] == "zero_flow" for w in reduction.get("windows", ())),
+            has_spectrum=reduction.get("spectrum") is not None,
+        )
+
+
+class Record(Base):
+    """One upload: its identity, where it belongs, and what the analysis made of it.
+
+    ``request_hash`` recognises the same request, ``identity_hash`` the same operator, bytes and effective
+    metadata. ``pump_id`` and the flight's fields are empty until the bytes are decoded; ``pump_type`` is what the upload
+    itself names. At most one record that counts may stand for a flight, pump and segment; one that was superseded or
+    withdrawn counted until ``ended_at``. ``raw_removed_at`` is when the retention took
+    the bytes, ``reduced_with`` names everything that reduction and residuals depend on
+    besides the bytes. ``reduction_digest``, ``has_zero_flow`` and ``has_spectrum`` are what the fold needs of a reduction
+    that it does not read; they follow every reduction that is assigned, and are empty on rows older than they.
+    """
+
+    __tablename__ = "records"
+    __table_args__ = (
+        Index("ix_records_pump_id_started_at", "pump_id", "started_at"),
+        Index(
+            "uq_records_flight",
+            "pump_id",
+            "flight_id",
+            "segment",
+            unique=True,
+            sqlite_where=text("status = 'analysed'"),
+            postgresql_where=text("status = 'analysed'"),
+        ),
+        Index("ix_records_status", "status"),
+        Index("ix_records_received_at_id", "received_at", "id"),
+        Index("ix_records_operator_received_at_id", "operator", "received_at", "id"),
+    )
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    pump_id: Mapped[int | None] = mapped_column(ForeignKey("pumps.id"))
+    aircraft: Mapped[str | None]
+    position: Mapped[str | None]
+    flight_id: Mapped[str | None]
+    segment: Mapped[str] = mapped_column(default="")
+    started_at: Mapped[datetime | None]
+    pump_type: Mapped[str | None]
+    flight_hours: Mapped[float | None]
+    status: Mapped[str]
+    problem: Mapped[dict[str, Any] | None]
+    request: Mapped[dict[str, Any]]
+    attributes: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    content_hash: Mapped[str]
+    content_type: Mapped[str]
+    request_hash: Mapped[str] = mapped_column(index=True)
+    identity_hash: Mapped[str | None] = mapped_column(unique=True)
+    supersedes: Mapped[str | None]
+    received_at: Mapped[datetime]
+    ended_at: Mapped[datetime | None]
+    withdrawal: Mapped[dict[str, Any] | None]
+    raw_removed_at: Mapped[datetime | None]
+    reduced_with: Mapped[str | None]
+    reduction: Mapped[dict[str, Any] | None]
+    residuals: Mapped[dict[str, Any] | None]
+    reduction_digest: Mapped[str | None]
+    has_zero_flow: Mapped[bool | None]
+    has_spectrum: Mapped[bool | None]
+
+    @validates("reduction")
+    def _outlined(self, _name: str, reduction: dict[str, Any] | None) -> dict[str, Any] | None:
+        outline = None if reduction is None else ReductionOutline.of(reduction)
+        self.reduction_digest = outline.digest if outline else None
+        self.has_zero_flow = outline.has_zero_flow if outline else None
+        self.has_spectrum = outline.has_spectrum if outline else None
+        return reduction
+
+
+class StoredAssessment(Base):
+    """The fold's answer right after one record, and where the pump sat; rewritten when an earlier record arrives.
+
+    ``chain`` names everything that it was folded from (``service.monitoring.chain``). ``side``, ``candidates`` and
+    ``case_flow_lpm`` (at the reference condition) repeat what alarms need of every verdict of a history; they follow every
+    verdict that is assigned. All four are empty on rows older than they.
+    """
+
+    __tablename__ = "assessments"
+    __table_args__ = (Index("ix_assessments_pump_id_at", "pump_id", "at"),)
+
+    record_id: Mapped[str] = mapped_column(ForeignKey("records.id"), primary_key=True)
+    pump_id: Mapped[int] = mapped_column(ForeignKey("pumps.id"))
+    at: Mapped[datetime]
+    aircraft: Mapped[str]
+    position: Mapped[str]
+    state: Mapped[str]
+    trend: Mapped[dict[str, Any]]
+    verdict: Mapped[dict[str, Any]]
+    chain: Mapped[str | None]
+    side: Mapped[str | None]
+    candidates: Mapped[list[Any] | None]
+    case_flow_lpm: Mapped[float | None]
+
+    @validates("verdict")
+    def _repeated(self, _name: str, verdict: dict[str, Any]) -> dict[str, Any]:
+        self.side, self.candidates = verdict["side"], list(verdict["candidates"])
+        self.case_flow_lpm = case_flow_of(verdict)
+        return verdict
+
+
+def case_flow_of(verdict: dict[str, Any]) -> float | None:
+    """Case flow at the reference condition of a verdict as it is stored; None where it has no estimate."""
+    estimate = (verdict.get("estimates") or {}).get("case_flow_at_reference_lpm") or {}
+    mean: float | None = estimate.get("mean")
+    return mean
+
+
+class Refusal(Base):
+    """The fact that an upload was refused, and why; its bytes are not kept."""
+
+    __tablename__ = "refusals"
+
+    id: Mapped[str] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    content_hash: Mapped[str]
+    received_at: Mapped[datetime] = mapped_column(index=True)
+    problem: Mapped[dict[str, Any]]

@@ -1,0 +1,67 @@
+"""Pumps, aircraft and reference curves: what an operator says about its own hardware."""
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import Index, UniqueConstraint
+from sqlalchemy.orm import Mapped, mapped_column
+
+from service.storage.tables.base import Base
+
+
+class Pump(Base):
+    """A pump of an operator; ``confirmed`` is False for one that a record brought along."""
+
+    __tablename__ = "pumps"
+    __table_args__ = (UniqueConstraint("operator", "serial"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    serial: Mapped[str]
+    pump_type: Mapped[str]
+    confirmed: Mapped[bool]
+    created_at: Mapped[datetime]
+
+
+class Aircraft(Base):
+    """A helicopter of an operator; what is known of it stands in its ``RegistryVersion`` rows."""
+
+    __tablename__ = "aircraft"
+    __table_args__ = (UniqueConstraint("operator", "name"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    name: Mapped[str]
+    created_at: Mapped[datetime]
+
+
+class RegistryVersion(Base):
+    """What the registry said of one pump or aircraft from ``recorded_at`` on; rows are never changed.
+
+    A verdict as it stood at an instant reads the newest row that was recorded by then.
+    """
+
+    __tablename__ = "registry_versions"
+    __table_args__ = (Index("ix_registry_versions_entity", "operator", "kind", "name"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    operator: Mapped[str]
+    kind: Mapped[str]
+    name: Mapped[str]
+    values: Mapped[dict[str, Any]]
+    recorded_at: Mapped[datetime]
+    author: Mapped[str]
+
+
+class ReferenceCurve(Base):
+    """Measured healthy points of a pump type; ``operator`` None holds for every operator. Rows are never changed."""
+
+    __tablename__ = "reference_curves"
+    __table_args__ = (Index("ix_reference_curves_pump_type_operator", "pump_type", "operator"),)
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    pump_type: Mapped[str]
+    operator: Mapped[str | None]
+    points: Mapped[dict[str, Any]]
+    recorded_at: Mapped[datetime]
+    author: Mapped[str]

@@ -1,0 +1,96 @@
+"""From files to a verdict without a server or a database: the same ingest, the same fold."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from detectors.assessment import assess
+from detectors.curve import Curve, damage_identification_curve, latest_condition
+from detectors.observation import History, Observation, Residual
+from detectors.reduction import reduce_recording
+from detectors.residuals import window_residuals
+from detectors.thresholds import effective
+from detectors.verdict import Assessment
+from service.errors import Problem
+from service.history.setting import DEFAULT_CIRCUIT
+from service.ingest.decode import DEFAULT_PUMP_TYPE, Limits, decode
+from service.ingest.metadata import TypeLookup, built_in
+from service.ingest.upload_files import content_type_of
+from service.storage.raw_store import content_hash
+from twin.parameters import PumpType
+from twin.pumps import circuit_parameters, pump_type
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysedFile:
+    """One good file: its pump, what it was reduced to, and the residuals of its zero-flow window."""
+
+    path: Path
+    serial: str
+    observation: Observation
+    residuals: dict[str, Residual]
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysedPump:
+    """All files of one pump, folded."""
+
+    serial: str
+    files: tuple[AnalysedFile, ...]
+    assessments: tuple[Assessment, ...]
+    curve: Curve
+
+
+@dataclass(frozen=True, slots=True)
+class OfflineAnalysis:
+    """Pumps found in the files, and the files that were refused with the reason."""
+
+    pumps: tuple[AnalysedPump, ...]
+    refused: tuple[tuple[Path, Problem], ...]
+
+
+def analyse_files(
+    paths: Sequence[Path], limits: Limits, overrides: dict[str, Any] | None = None, instead: PumpType | None = None
+) -> OfflineAnalysis:
+    """Analyse files of any number of pumps; a bad file costs its neighbours nothing.
+
+    ``instead`` is the pump type that all are judged by, whatever they name.
+    """
+    types: TypeLookup = built_in if instead is None else lambda _operator, _name: instead
+    thresholds = effective({})
+    circuit = circuit_parameters(DEFAULT_CIRCUIT)
+    by_pump: dict[tuple[str, str], dict[str, AnalysedFile]] = {}
+    refused: list[tuple[Path, Problem]] = []
+    for path in paths:
+        content = path.read_bytes()
+        try:
+            decoded = decode(content, content_type_of(path), "", overrides or {}, limits, types=types)
+        except Problem as problem:
+            refused.append((path, problem))
+            continue
+        metadata = decoded.metadata
+        kind = instead or pump_type(metadata.pump_type or DEFAULT_PUMP_TYPE)
+        reduction = reduce_recording(decoded.recording, kind, thresholds)
+        observation = Observation(
+            record_id=content_hash(content)[:32],
+            at=metadata.started_at,
+            aircraft=metadata.aircraft,
+            position=metadata.position,
+            flight_id=metadata.flight_id,
+            reduction=reduction,
+            flight_hours=metadata.flight_hours,
+            segment=metadata.segment or None,
+        )
+        window = reduction.zero_flow
+        residuals = window_residuals(window, reduction.zero, kind, circuit) if window else {}
+        files = by_pump.setdefault((metadata.pump_serial, kind.name), {})
+        files[observation.record_id] = AnalysedFile(path, metadata.pump_serial, observation, residuals)
+    pumps = []
+    for (serial, name), files in sorted(by_pump.items()):
+        kind = instead or pump_type(name)
+        observations = tuple(f.observation for f in files.values())
+        assessments = assess(History(observations), kind, circuit, thresholds)
+        curve = damage_identification_curve(observations, kind, circuit, latest_condition(observations, kind))
+        pumps.append(AnalysedPump(serial, tuple(files.values()), assessments, curve))
+    return OfflineAnalysis(tuple(pumps), tuple(refused))

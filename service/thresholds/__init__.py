@@ -1,0 +1,1 @@
+"""What holds for a pump: layers, versions, pins."""

@@ -1,0 +1,246 @@
+"""Thresholds in layers: fleet, pump type, operator, pump; versioned by one counter, never changed in place."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import ColumnElement, and_, func, select, text
+from sqlalchemy.orm import Session
+
+from detectors.thresholds import KEYS, effective, threshold_faults
+from service.access import audit
+from service.access.security import Principal
+from service.errors import Fault, Invalid, NotFound, PreconditionRequired, StaleVersion
+from service.storage.tables import Pump, ThresholdVersion
+from service.thresholds.pins import newest_number, pinned_version
+
+SCOPES: tuple[str, ...] = ("fleet", "pump-type", "operator", "pump")
+"""Layers from the widest to the narrowest; the narrower wins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """One layer; ``operator`` tells two operators' pumps of the same serial apart."""
+
+    kind: str
+    id: str
+    operator: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Effective:
+    """Effective values with the layer each comes from, and the highest version number among the layers."""
+
+    values: Mapping[str, float]
+    origin: Mapping[str, str]
+    version: int
+
+
+def pump_scopes(operator: str, serial: str, pump_type: str) -> tuple[Scope, ...]:
+    """Layers that hold for one pump, widest first."""
+    return (
+        Scope("fleet", "default"),
+        Scope("pump-type", pump_type),
+        Scope("operator", operator),
+        Scope("pump", serial, operator),
+    )
+
+
+def latest(
+    session: Session, scope: Scope, known_at: datetime | None = None, up_to: int | None = None
+) -> ThresholdVersion | None:
+    """Newest version of one layer, of those that were known at an instant and of those up to a number."""
+    query = select(ThresholdVersion).where(*_is(scope))
+    if known_at is not None:
+        query = query.where(ThresholdVersion.created_at <= known_at)
+    if up_to is not None:
+        query = query.where(ThresholdVersion.number <= up_to)
+    return session.scalar(query.order_by(ThresholdVersion.number.desc()).limit(1))
+
+
+def versions(session: Session, scope: Scope) -> list[ThresholdVersion]:
+    """Every version of one layer, the newest first."""
+    query = select(ThresholdVersion).where(*_is(scope))
+    return list(session.scalars(query.order_by(ThresholdVersion.number.desc())))
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Values that stand in for the newest version of one layer, to see what they would do."""
+
+    scope: Scope
+    values: Mapping[str, float]
+
+
+def effective_thresholds(
+    session: Session,
+    scopes: tuple[Scope, ...],
+    known_at: datetime | None = None,
+    candidate: Candidate | None = None,
+    up_to: int | None = None,
+) -> Effective:
+    """Values of several layers laid over each other and over the defaults, now or as known at an instant.
+
+    ``up_to`` takes no version above a number. Without it a pump that is held at one (``service.thresholds.pins``) has
+    that one's, unless a candidate for one of its layers would end that.
+    """
+    pump = next((scope for scope in scopes if scope.kind == "pump"), None)
+    if up_to is None and pump is not None and (candidate is None or candidate.scope not in scopes):
+        layers = [and_(*_is(scope)) for scope in scopes]
+        up_to = pinned_version(session, pump.operator, pump.id, layers, known_at)
+    values: dict[str, float] = {}
+    origin = {key.name: "default" for key in KEYS}
+    version = 0
+    for scope in scopes:
+        row = latest(session, scope, known_at, up_to)
+        if candidate is not None and candidate.scope == scope:
+            values |= candidate.values
+            origin |= dict.fromkeys(candidate.values, f"{scope.kind}/{scope.id}")
+        elif row is not None:
+            values |= row.values
+            origin |= dict.fromkeys(row.values, f"{scope.kind}/{scope.id}")
+            version = max(version, row.number)
+    return Effective(effective(values), origin, version)
+
+
+def put(
+    session: Session,
+    scope: Scope,
+    values: Mapping[str, float],
+    reason: str,
+    principal: Principal,
+    if_match: str | None,
+) -> ThresholdVersion:
+    """Append a version to one layer, and note it in the audit log.
+
+    Raises
+    ------
+    PreconditionRequired, StaleVersion
+        when ``If-Match`` is missing or names another version than the latest.
+    Invalid
+        with every fault of the values, alone and where they meet those of other layers.
+    """
+    _lock(session)
+    current = latest(session, scope)
+    _check_version(current, if_match)
+    faults = value_faults(session, scope, values)
+    if not reason.strip():
+        faults.append(Fault("reason", "is empty: say why, whoever reads this in a year will ask"))
+    if faults:
+        raise Invalid(f"{len(faults)} fault(s) in the thresholds; nothing was changed", faults)
+    number = newest_number(session) + 1
+    row = ThresholdVersion(
+        number=number,
+        scope=scope.kind,
+        scope_id=scope.id,
+        operator=scope.operator,
+        values=dict(values),
+        author=principal.owner,
+        reason=reason,
+        created_at=datetime.now(UTC),
+    )
+    session.add(row)
+    session.flush()
+    details = {"version": number, "before": dict(current.values) if current else {}, "after": row.values}
+    tenant = scope.operator or (scope.id if scope.kind == "operator" else None)
+    subject = f"thresholds/{scope.kind}/{scope.id}"
+    audit.note(session, principal, "thresholds.put", subject, tenant, {**details, "reason": reason})
+    return row
+
+
+def restore(
+    session: Session, scope: Scope, number: int, reason: str | None, principal: Principal, if_match: str | None
+) -> ThresholdVersion:
+    """Put an earlier version of a layer back as a new one; ``If-Match`` is checked where it is sent.
+
+    Raises
+    ------
+    NotFound
+        when the layer has no such version.
+    StaleVersion, Invalid
+        as ``put`` does.
+    """
+    _lock(session)
+    earlier = next((row for row in versions(session, scope) if row.number == number), None)
+    if earlier is None:
+        raise NotFound(f"thresholds {scope.kind}/{scope.id} have no version {number}")
+    condition = etag(latest(session, scope)) if if_match is None else if_match
+    return put(session, scope, earlier.values, reason or f"version {number} restored", principal, condition)
+
+
+def value_faults(session: Session, scope: Scope, values: Mapping[str, float]) -> list[Fault]:
+    """Faults of a layer's values: alone, and laid over or under the newest values of every other layer."""
+    own = [Fault(f"values.{name}", problem) for name, problem in threshold_faults(values)]
+    if own:
+        return own
+    newest = _newest(session) | {scope: values}
+    found: dict[tuple[str, str], Fault] = {}
+    for layers in _combinations(session, newest):
+        if scope not in layers:
+            continue
+        merged: dict[str, float] = {}
+        for layer in layers:
+            merged |= newest.get(layer, {})
+        for name, problem in threshold_faults(merged):
+            where = " with ".join(f"{s.kind}/{s.id}" for s in layers if s in newest)
+            found.setdefault((name, problem), Fault(f"values.{name}", f"{problem} ({where})"))
+    return list(found.values())
+
+
+def _check_version(current: ThresholdVersion | None, if_match: str | None) -> None:
+    tag = etag(current)
+    if if_match is None:
+        raise PreconditionRequired(f"send If-Match with the version you read ({tag}), or * for the first")
+    accepted = {"*", tag} if current is None else {tag}
+    if not {t.strip() for t in if_match.split(",")} & accepted:
+        raise StaleVersion(f"the latest version is {tag}: read it again and repeat your change on top of it")
+
+
+def _lock(session: Session) -> None:
+    """Let changes follow each other, so that no two take the same number; SQLite's write transactions do anyway."""
+    if session.get_bind().dialect.name == "postgresql":
+        session.execute(text("SELECT pg_advisory_xact_lock(hashtext('threshold_versions'))"))
+
+
+def _is(scope: Scope) -> tuple[ColumnElement[bool], ...]:
+    table = ThresholdVersion
+    operator = table.operator.is_(None) if scope.operator is None else table.operator == scope.operator
+    return table.scope == scope.kind, table.scope_id == scope.id, operator
+
+
+def _newest(session: Session) -> dict[Scope, Mapping[str, float]]:
+    """The newest values of every layer that has any."""
+    table = ThresholdVersion
+    numbers = select(func.max(table.number)).group_by(table.scope, table.scope_id, table.operator)
+    rows = session.scalars(select(table).where(table.number.in_(numbers)))
+    return {Scope(row.scope, row.scope_id, row.operator): row.values for row in rows}
+
+
+def _combinations(session: Session, layers: Iterable[Scope]) -> Iterator[tuple[Scope, ...]]:
+    """Every way in which these layers can meet on a pump."""
+    fleet = Scope("fleet", "default")
+    kinds = {kind: [s for s in layers if s.kind == kind] for kind in SCOPES}
+    for kind in (None, *kinds["pump-type"]):
+        for operator in (None, *kinds["operator"]):
+            yield tuple(s for s in (fleet, kind, operator) if s is not None)
+    for scope in kinds["pump"]:
+        query = select(Pump).where(Pump.serial == scope.id, Pump.operator == scope.operator)
+        for pump in session.scalars(query):
+            yield pump_scopes(pump.operator, pump.serial, pump.pump_type)
+
+
+def etag(row: ThresholdVersion | None) -> str:
+    """Entity tag of a version; ``"0"`` before the first."""
+    return f'"{row.number if row else 0}"'
+
+
+def thresholds_of(
+    session: Session,
+    operator: str,
+    serial: str,
+    kind: str,
+    known_at: datetime | None = None,
+    candidate: Candidate | None = None,
+) -> Effective:
+    """Effective thresholds of one pump, now, as they were known at an instant, or with a candidate for one layer."""
+    return effective_thresholds(session, pump_scopes(operator, serial, kind), known_at, candidate)

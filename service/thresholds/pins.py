@@ -1,0 +1,50 @@
+"""Pumps that are held at an earlier version of the thresholds, until somebody changes thresholds that hold for them."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+from sqlalchemy import ColumnElement, func, or_, select
+from sqlalchemy.orm import Session
+
+from service.storage.tables import Pump, ThresholdPin, ThresholdVersion
+
+
+def pinned_version(
+    session: Session,
+    operator: str | None,
+    serial: str,
+    layers: Sequence[ColumnElement[bool]],
+    known_at: datetime | None = None,
+) -> int | None:
+    """Number that a pump is held at, now or as known at an instant; None where it follows the newest thresholds.
+
+    ``layers`` pick the versions of the layers that hold for the pump.
+    """
+    query = select(ThresholdPin).join(Pump, Pump.id == ThresholdPin.pump_id)
+    query = query.where(Pump.operator == operator, Pump.serial == serial)
+    if known_at is not None:
+        query = query.where(ThresholdPin.recorded_at <= known_at)
+    pin = session.scalar(query.order_by(ThresholdPin.id.desc()).limit(1))
+    if pin is None or pin.number is None:
+        return None
+    later = select(ThresholdVersion.number).where(ThresholdVersion.number > pin.counter, or_(*layers))
+    if known_at is not None:
+        later = later.where(ThresholdVersion.created_at <= known_at)
+    return pin.number if session.scalar(later.limit(1)) is None else None
+
+
+def hold(session: Session, pump: Pump, number: int | None, author: str) -> None:
+    """Hold a pump at a version of the thresholds; None lets it follow the newest again."""
+    query = select(ThresholdPin.number).where(ThresholdPin.pump_id == pump.id).order_by(ThresholdPin.id.desc()).limit(1)
+    if number is None and session.scalar(query) is None:
+        return
+    counter = newest_number(session)
+    session.add(
+        ThresholdPin(pump_id=pump.id, number=number, counter=counter, author=author, recorded_at=datetime.now(UTC))
+    )
+    session.flush()
+
+
+def newest_number(session: Session) -> int:
+    """Highest number of any version; 0 before the first."""
+    return session.scalar(select(func.max(ThresholdVersion.number))) or 0

@@ -1,0 +1,231 @@
+"""The OpenAPI document: FastAPI's own, completed with errors, security and recorded examples."""
+
+import json
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from http import HTTPStatus
+from importlib.resources import files
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from service.errors import (
+    PROBLEM_JSON,
+    Conflict,
+    Fault,
+    Forbidden,
+    Invalid,
+    NotFound,
+    PreconditionRequired,
+    Problem,
+    StaleVersion,
+    TooLarge,
+    Unauthenticated,
+    Unavailable,
+    Undecodable,
+    UnknownType,
+)
+
+_DESCRIPTION = """
+Flight records go in, verdicts come out: which pump needs attention, on which side the fault lies, and why.
+
+Send a key as `Authorization: Bearer ...`. Pressures are bar gauge, instants RFC 3339 in UTC, intervals 90 %.
+Lists are paged: hand `next` back as `cursor`. Every error is a problem document (RFC 9457); for bad input its
+`errors` list every fault that was found.
+"""
+_TAGS = {
+    "records": "Flight records: upload, status, windows, original bytes.",
+    "pumps": "One pump: verdict, history, trends, damage identification curve.",
+    "history": "Beside a pump's records: installations, maintenance, findings.",
+    "registry": "Pumps, aircraft, pump types, and all of them as CSV files.",
+    "mappings": "An operator's own exports, uploaded as they are.",
+    "jobs": "Work that outlasts a request: bulk imports, reprocessing, large previews.",
+    "exports": "Trends, verdicts and windows, streamed.",
+    "fleet": "All pumps: counts, ranking with reasons, trends by group.",
+    "alarms": "Alarms in event time, and what is done about them (ISA-18.2).",
+    "thresholds": "Adjustable numbers in layers, versioned, previewed on history.",
+    "administration": "Keys, users, webhooks, operators, the audit log.",
+    "twin": "The simulated pump.",
+    "operations": "Liveness, readiness, metrics; without a key.",
+}
+_API = "/api/v1/"
+_EXAMPLES: tuple[Problem, ...] = (
+    Undecodable("the body is no JSON document: it ends early, at line 3"),
+    Unauthenticated("send a key: Authorization: Bearer <key>"),
+    Forbidden("this needs the role analyst; hums-office is viewer"),
+    NotFound("there is no pump P-7"),
+    Conflict("record 5f3c stands for this flight already: repeat with ?supersedes=5f3c to replace it"),
+    StaleVersion('the latest version is "4": read it again and repeat your change on top of it'),
+    TooLarge("the upload is larger than 67108864 bytes: split the record into segments"),
+    UnknownType("no adapter reads application/pdf"),
+    Invalid("the request has 1 fault(s)", [Fault("query.limit", "Input should be less than or equal to 500")]),
+    PreconditionRequired('send If-Match with the version you read ("4"), or * for the first'),
+    Unavailable("the raw store does not answer: try again"),
+    Problem("something went wrong on our side; the log has it under the request id"),
+)
+_BY_STATUS = {int(problem.status): problem for problem in _EXAMPLES}
+_FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
+    ("POST", "/records"): (400, 404, 409, 413, 415, 503),
+    ("GET", "/records/{record_id}/raw"): (503,),
+    ("POST", "/alarms/{alarm_id}/acknowledge"): (409,),
+    ("POST", "/alarms/{alarm_id}/shelve"): (409,),
+    ("POST", "/alarms/{alarm_id}/unshelve"): (409,),
+    ("POST", "/alarms/{alarm_id}/close"): (409,),
+    ("PUT", "/thresholds/{scope}/{scope_id}"): (412, 428),
+    ("POST", "/thresholds/{scope}/{scope_id}/versions/{number}/restore"): (412,),
+    ("POST", "/thresholds/preview"): (404,),
+    ("POST", "/records/bulk"): (400, 404, 413, 415),
+    ("GET", "/records/{record_id}/spectrum"): (409, 503),
+    ("POST", "/mappings"): (409,),
+    ("PUT", "/mappings/{name}"): (409, 412, 428),
+    ("POST", "/mappings/preview"): (400, 404, 413, 415),
+    ("POST", "/jobs"): (404,),
+    ("POST", "/jobs/{job_id}/cancel"): (409,),
+    ("GET", "/jobs/{job_id}/result"): (409, 503),
+    ("GET", "/exports/{name}.{form}"): (415,),
+    ("POST", "/users"): (409,),
+    ("DELETE", "/records/{record_id}"): (409, 503),
+    ("POST", "/pumps"): (409,),
+    ("POST", "/aircraft"): (409,),
+    ("POST", "/pump-types"): (400, 409, 413, 415),
+    ("PATCH", "/pumps/{serial}"): (503,),
+    ("PATCH", "/aircraft/{name}"): (503,),
+    ("GET", "/pumps/{serial}/verdict"): (503,),
+    ("POST", "/pumps/{serial}/installations"): (409, 503),
+    ("PATCH", "/pumps/{serial}/installations/{entry_id}"): (409, 503),
+    ("DELETE", "/pumps/{serial}/installations/{entry_id}"): (503,),
+    ("POST", "/pumps/{serial}/maintenance"): (503,),
+    ("PATCH", "/pumps/{serial}/maintenance/{entry_id}"): (503,),
+    ("DELETE", "/pumps/{serial}/maintenance/{entry_id}"): (503,),
+    ("POST", "/registry/{kind}.csv"): (400, 413, 503),
+    ("DELETE", "/operators/{operator}"): (409,),
+}
+"""Answers beyond those that follow from a route's shape: 401, 403, 422 and, with a name in its path, 404."""
+_GUARDED_READS = ("/audit", "/keys", "/mappings/{name}", "/operators", "/users", "/webhooks")
+"""What not everybody may read; of other reads a foreign name is one that does not exist."""
+_RECORD: dict[str, Any] = {
+    "pump_serial": "P-7",
+    "aircraft": "F-HCAA",
+    "position": "LH",
+    "flight_id": "2026-05-02-1",
+    "started_at": "2026-05-02T07:11:00Z",
+}
+_CHANNELS: dict[str, list[float]] = {
+    "time_s": [0.0, 1.0],
+    "discharge_pressure_bar": [174.1, 174.0],
+    "case_pressure_bar": [0.91, 0.92],
+    "shaft_speed_rpm": [4600.0, 4601.0],
+    "fluid_temperature_degc": [50.1, 50.1],
+}
+_BODIES: Mapping[tuple[str, str], Mapping[str, Any]] = {
+    ("POST", "/records"): {
+        "application/json": {**_RECORD, "channels": _CHANNELS},
+        "text/csv": "".join(f"# {name}: {value}\n" for name, value in _RECORD.items())
+        + ",".join(_CHANNELS)
+        + "\n"
+        + "".join(",".join(f"{v:g}" for v in row) + "\n" for row in zip(*_CHANNELS.values(), strict=True)),
+    },
+    ("POST", "/registry/{kind}.csv"): {"text/csv": "serial,pump_type\nP-7,h225\n"},
+}
+"""Bodies that are no JSON document of ours, shortened: a real record lasts minutes."""
+_WITHOUT_FORBIDDEN = ("/twin/",)
+_ALL_NAMES_KNOWN = "/registry/{kind}.csv"
+"""Another name in its path is refused as one that the document does not have."""
+
+
+def openapi_document(app: FastAPI) -> dict[str, Any]:
+    """The complete document of an application; computed once."""
+    if app.openapi_schema is None:
+        app.openapi_schema = _completed(app)
+    return app.openapi_schema
+
+
+def operations(document: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Method, path and operation of everything in a document."""
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            yield method.upper(), path, operation
+
+
+def recorded_examples() -> dict[str, Any]:
+    """Answers of a real run by ``METHOD /path``."""
+    text = (files("service.web.api_document") / "examples.json").read_text(encoding="utf-8")
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def _completed(app: FastAPI) -> dict[str, Any]:
+    document = get_openapi(
+        title=app.title, version=app.version, summary=app.summary, description=_DESCRIPTION.strip(), routes=app.routes
+    )
+    document["tags"] = [{"name": name, "description": words} for name, words in _TAGS.items()]
+    components = document.setdefault("components", {})
+    schemas = components.setdefault("schemas", {})
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    schemas["Problem"] = _PROBLEM_SCHEMA
+    components["securitySchemes"] = {"key": {"type": "http", "scheme": "bearer", "description": "An API key"}}
+    examples = recorded_examples()
+    for method, path, operation in operations(document):
+        _complete(method, path, operation, examples.get(f"{method} {path}"))
+    return document
+
+
+def _complete(method: str, path: str, operation: dict[str, Any], example: Any) -> None:
+    responses = operation["responses"]
+    responses.pop("default", None)
+    good = next(status for status in responses if status.startswith("2"))
+    if example is not None:
+        for content in responses[good].get("content", {}).values():
+            content["example"] = example
+    if path.startswith(_API):
+        operation["security"] = [{"key": []}]
+    for kind, body in _BODIES.get((method, path.removeprefix(_API.rstrip("/"))), {}).items():
+        operation["requestBody"]["content"].setdefault(kind, {})["example"] = body
+    for status in _problems(method, path, "requestBody" in operation or "parameters" in operation):
+        responses[str(status)] = _problem_response(status)
+
+
+def _problems(method: str, path: str, has_input: bool) -> list[int]:
+    if not path.startswith(_API):
+        return [500]
+    short = path.removeprefix(_API.rstrip("/"))
+    statuses = {401, 500, *_FURTHER.get((method, short), ())}
+    if short.startswith(_GUARDED_READS) if method == "GET" else not short.startswith(_WITHOUT_FORBIDDEN):
+        statuses.add(403)
+    if "{" in path and short != _ALL_NAMES_KNOWN:
+        statuses.add(404)
+    if has_input:
+        statuses.add(422)
+    return sorted(statuses)
+
+
+def _problem_response(status: int) -> dict[str, Any]:
+    problem = _BY_STATUS[status]
+    content = {"schema": {"$ref": "#/components/schemas/Problem"}, "example": deepcopy(problem.body())}
+    return {"description": HTTPStatus(status).phrase, "content": {PROBLEM_JSON: content}}
+
+
+_PROBLEM_SCHEMA: dict[str, Any] = {
+    "title": "Problem",
+    "description": "A problem document (RFC 9457).",
+    "type": "object",
+    "required": ["type", "title", "status", "detail"],
+    "properties": {
+        "type": {"type": "string", "format": "uri"},
+        "title": {"type": "string"},
+        "status": {"type": "integer"},
+        "detail": {"type": "string", "description": "What happened, and what to do next"},
+        "errors": {
+            "type": "array",
+            "description": "Every fault found in a bad input",
+            "items": {
+                "type": "object",
+                "required": ["where", "problem"],
+                "properties": {"where": {"type": "string"}, "problem": {"type": "string"}},
+            },
+        },
+    },
+    "additionalProperties": True,
+}

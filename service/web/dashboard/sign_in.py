@@ -1,0 +1,114 @@
+"""Signing in to the pages and out again."""
+
+import secrets
+from typing import Annotated
+
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+
+from service.access import audit
+from service.access.security import Principal
+from service.access.sessions import (
+    SESSION_COOKIE,
+    check_pace,
+    end_session,
+    forget_failures,
+    key_of,
+    note_failure,
+    start_session,
+)
+from service.access.users import with_password
+from service.errors import Forbidden, Problem
+from service.settings import is_loopback
+from service.storage.tables import User
+from service.web.dashboard.pages import html_page
+from service.web.dependencies import context_of, visitor_of
+
+sign_in_router = APIRouter(include_in_schema=False)
+_FORM_COOKIE = "casedrain_sign_in"
+_LONGEST_FIELD = 2000
+_Field = Annotated[str, Form(max_length=_LONGEST_FIELD)]
+
+
+@sign_in_router.get("/sign-in", response_class=HTMLResponse)
+def sign_in_page(request: Request) -> Response:
+    """Ask for name and password, or for a key."""
+    return _asked(request, 200, None)
+
+
+@sign_in_router.post("/sign-in")
+def sign_in(
+    request: Request, csrf_token: _Field = "", name: _Field = "", password: _Field = "", key: _Field = ""
+) -> Response:
+    """Start a session; its cookie cannot be read by scripts nor sent by forms of other sites."""
+    context = context_of(request)
+    held = request.cookies.get(_FORM_COOKIE, "")
+    if not held or not secrets.compare_digest(held.encode(), csrf_token.encode()):
+        return _asked(request, 403, "The form has expired. Please try again.")
+    address = request.client.host if request.client else "unknown"
+    who = name or "(key)"
+    try:
+        with context.database.reading() as session:
+            check_pace(session, who, address)
+            user = with_password(session, name, password) if name else None
+            row = key_of(session, key.strip()) if key and not name else None
+    except Problem as problem:
+        words = f"{problem.detail[:1].upper()}{problem.detail[1:]}."
+        return _asked(request, int(problem.status), words, problem.headers)
+    found = user or row
+    with context.database.writing() as session:
+        if found is None:
+            note_failure(session, who, address)
+        else:
+            forget_failures(session, who, address)
+            user_id, key_id = (found.id, None) if isinstance(found, User) else (None, found.id)
+            token = start_session(session, context.settings, user_id=user_id, key_id=key_id)
+            owner = found.name if isinstance(found, User) else found.owner
+            come = Principal(owner, found.role, found.operator)
+            audit.note(session, come, "session.start", f"user/{owner}", found.operator)
+    if found is None:
+        what = "That key is not known, has expired or was revoked." if key else "Name or password is wrong."
+        return _asked(request, 401, what)
+    response = RedirectResponse("/", status_code=303)
+    response.set_cookie(
+        SESSION_COOKIE,
+        token,
+        max_age=int(context.settings.session_hours * 3600),
+        httponly=True,
+        samesite="lax",
+        secure=_is_secure(request),
+    )
+    response.delete_cookie(_FORM_COOKIE)
+    return response
+
+
+@sign_in_router.post("/sign-out")
+def sign_out(request: Request, csrf_token: _Field = "") -> Response:
+    """End the session, here and on the server."""
+    context = context_of(request)
+    visitor = visitor_of(request)
+    if visitor is not None:
+        try:
+            visitor.check_form(csrf_token)
+        except Forbidden as problem:
+            return html_page("problem.html", int(problem.status), {"request": request, "problem": problem})
+        with context.database.writing() as session:
+            end_session(session, visitor.session_id)
+            who = visitor.principal
+            audit.note(session, who, "session.end", f"user/{who.owner}", who.operator)
+    response = RedirectResponse("/sign-in", status_code=303)
+    response.delete_cookie(SESSION_COOKIE)
+    return response
+
+
+def _asked(request: Request, status: int, problem: str | None, headers: dict[str, str] | None = None) -> Response:
+    token = secrets.token_urlsafe(32)
+    response = html_page("sign_in.html", status, {"request": request, "problem": problem, "csrf_token": token})
+    response.headers.update(headers or {})
+    response.set_cookie(_FORM_COOKIE, token, max_age=3600, httponly=True, samesite="strict", secure=_is_secure(request))
+    return response
+
+
+def _is_secure(request: Request) -> bool:
+    """A cookie needs an encrypted way, unless it never leaves this machine."""
+    return not is_loopback(request.url.hostname or "")

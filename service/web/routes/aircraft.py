@@ -1,0 +1,94 @@
+"""Aircraft: list, register, look up, change, and the trend of a position."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Response
+from sqlalchemy.exc import IntegrityError
+
+from detectors.verdict import TREND_METRICS
+from service.access import audit
+from service.errors import Conflict
+from service.reading import queries
+from service.reading.trend import check_metric, points_of, thinned
+from service.registry import aircraft as registry
+from service.registry.fields import Instant
+from service.web.dependencies import Asker, ContextOf
+from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+
+router = APIRouter(prefix="/aircraft", tags=["registry"])
+Operator = Annotated[str | None, Query(description="Needed only where several operators have this aircraft")]
+
+
+@router.get("", summary="List aircraft")
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Page through the aircraft that this key may see, by operator and name."""
+    query = {"list": "aircraft"}
+    after = place_of(query, cursor)
+    with context.database.reading() as session:
+        rows = list(session.scalars(registry.listed(asker, after).limit(limit + 1)))
+        return page(rows, limit, query, lambda r: [r.operator, r.name], lambda r: registry.document(session, r))
+
+
+@router.post("", status_code=201, summary="Register an aircraft")
+def create(body: registry.NewAircraft, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Register an aircraft with its fluid, circuit and sensors."""
+    asker.require("engineer")
+    operator = asker.operator_of(body.operator)
+    try:
+        with context.database.writing() as session:
+            row = registry.create(session, operator, body, asker.owner)
+            details = body.model_dump(mode="json", exclude_unset=True)
+            audit.note(session, asker, "aircraft.register", f"aircraft/{row.name}", row.operator, details)
+            response.headers["Location"] = f"/api/v1/aircraft/{row.name}"
+            return registry.document(session, row)
+    except IntegrityError:
+        raise Conflict(f"aircraft {body.aircraft} was registered at the same moment") from None
+
+
+@router.get("/{name}", summary="One aircraft")
+def one(name: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+    """Fluid, circuit and sensors of an aircraft; ``confirmed`` is false for one that only records speak of."""
+    with context.database.reading() as session:
+        return registry.document(session, queries.aircraft(session, asker, name, operator))
+
+
+@router.patch("/{name}", summary="Change an aircraft")
+def change(
+    name: str, body: registry.AircraftChange, context: ContextOf, asker: Asker, operator: Operator = None
+) -> dict[str, Any]:
+    """Set what the body names; its pumps are folded anew where circuit, fluid or sensors change."""
+    asker.require("engineer")
+    with context.database.writing() as session:
+        row = queries.aircraft(session, asker, name, operator)
+        registry.change(session, row, body, asker.owner, context.archive)
+        details = body.model_dump(mode="json", exclude_unset=True)
+        audit.note(session, asker, "aircraft.change", f"aircraft/{row.name}", row.operator, details)
+        return registry.document(session, row)
+
+
+@router.get("/{name}/positions/{position}/trend", summary="Trend of one metric at a position")
+def trend(
+    name: str,
+    position: str,
+    context: ContextOf,
+    asker: Asker,
+    metric: str,
+    operator: Operator = None,
+    since: Annotated[Instant | None, Query(alias="from")] = None,
+    until: Annotated[Instant | None, Query(alias="to")] = None,
+    points: Annotated[int, Query(ge=4, le=10_000)] = 1000,
+) -> dict[str, Any]:
+    """Points of a metric over all pumps that sat at a position, in event order; each names its pump."""
+    check_metric(metric)
+    with context.database.reading() as session:
+        row = queries.aircraft(session, asker, name, operator)
+        pairs = session.execute(queries.assessments_at(row.operator, row.name, position)).all()
+        serials = {assessment.record_id: serial for assessment, serial in pairs}
+        items = points_of([assessment for assessment, _ in pairs], metric, since, until)
+    shown = [item | {"pump": serials[item["record_id"]]} for item in thinned(items, points)]
+    return {"metric": metric, "unit": TREND_METRICS[metric], "items": shown}

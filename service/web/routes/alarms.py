@@ -1,0 +1,100 @@
+"""Alarms: what wants attention, and what is done about it."""
+
+from datetime import UTC, datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from pydantic import ConfigDict, Field
+
+from service.alarms import reading
+from service.alarms.handling import Wish, handle
+from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
+from service.bodies import Body
+from service.web.dependencies import Asker, ContextOf
+from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+
+router = APIRouter(prefix="/alarms", tags=["alarms"])
+
+
+class Remark(Body):
+    """A word on what is done; it may be left out."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"reason": "the crew has been told"}]})
+    reason: str | None = Field(default=None, max_length=2000)
+
+
+class Reason(Body):
+    """Why it is done."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"reason": "pump replaced on 12 May, worn slippers found"}]}
+    )
+    reason: str = Field(max_length=2000)
+
+
+class Shelf(Body):
+    """Why an alarm is put aside, and until when."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"reason": "spare arrives on Friday", "until": "2026-05-08T12:00:00Z"}]},
+    )
+    reason: str = Field(max_length=2000)
+    until: datetime
+
+
+@router.get("", summary="List alarms, the newest first")
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    state: Annotated[reading.Filter | None, Query(description="`open`: what still wants attention or an end")] = None,
+    pump: Annotated[str | None, Query(description="Serial number")] = None,
+    operator: str | None = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Page through the alarms that this key may see."""
+    query = {"list": "alarms", "state": state, "pump": pump, "operator": operator}
+    after = place_of(query, cursor)
+    wanted = reading.alarms(asker, state=state, serial=pump, operator=operator, after=after)
+    now = datetime.now(UTC)
+    with context.database.reading() as session:
+        rows = session.execute(wanted.limit(limit + 1)).all()
+        return page(
+            rows,
+            limit,
+            query,
+            lambda row: [row[0].raised_at.isoformat(), row[0].id],
+            lambda row: reading.shown(row[0], row[1], row[2], now),
+        )
+
+
+@router.get("/{alarm_id}", summary="One alarm with its history")
+def one(alarm_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """An alarm and everything that happened to it."""
+    with context.database.reading() as session:
+        row, pump = reading.alarm(session, asker, alarm_id)
+        return reading.shown(row, pump.serial, pump.pump_type)
+
+
+@router.post("/{alarm_id}/acknowledge", summary="Say that it was seen")
+def acknowledge(alarm_id: str, context: ContextOf, asker: Asker, body: Remark | None = None) -> dict[str, Any]:
+    """Acknowledge an alarm; an escalation asks again."""
+    return handle(context.database, asker, alarm_id, Wish(ACKNOWLEDGE, body.reason if body else None))
+
+
+@router.post("/{alarm_id}/shelve", summary="Put it aside for a time")
+def shelve(alarm_id: str, body: Shelf, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Shelve an active alarm with a reason, for no longer than `alarm_shelving_maximum_h`; an escalation ends it."""
+    return handle(context.database, asker, alarm_id, Wish(SHELVE, body.reason, body.until))
+
+
+@router.post("/{alarm_id}/unshelve", summary="Take it back from the shelf")
+def unshelve(alarm_id: str, context: ContextOf, asker: Asker, body: Remark | None = None) -> dict[str, Any]:
+    """End a shelf before its time."""
+    return handle(context.database, asker, alarm_id, Wish(UNSHELVE, body.reason if body else None))
+
+
+@router.post("/{alarm_id}/close", summary="Close it with a reason")
+def close(alarm_id: str, body: Reason, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Close an alarm, whatever its condition; an escalation opens it again, a later fault is a new alarm."""
+    return handle(context.database, asker, alarm_id, Wish(CLOSE, body.reason))

@@ -1,0 +1,72 @@
+"""The fleet at a glance."""
+
+from collections import Counter
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+
+from detectors.verdict import TREND_METRICS
+from service.reading import queries
+from service.reading.agreement import judged_findings, rates
+from service.reading.fleet import fleet, pump_documents
+from service.reading.fleet_trend import GroupBy, fleet_trend
+from service.reading.ranking import ranked
+from service.reading.trend import check_metric
+from service.registry.fields import Instant
+from service.web.dependencies import Asker, ContextOf
+from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, cursor_after, place_of
+
+router = APIRouter(prefix="/fleet", tags=["fleet"])
+
+
+@router.get("/summary", summary="How the fleet is")
+def summary(context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Counts by state and side, pumps that want attention or have gone silent, and how often the workshop agreed."""
+    with context.database.reading() as session:
+        pumps = fleet(session, asker)
+        judged = judged_findings(session, asker)
+    quiet = ("healthy", "insufficient_data")
+    return {
+        "pumps": len(pumps),
+        "records": sum(p["records"] for p in pumps),
+        "by_state": dict(Counter(p["state"] for p in pumps)),
+        "by_side": dict(Counter(p["side"] for p in pumps)),
+        "attention": [p for p in pumps if p["state"] not in quiet],
+        "silent": [p for p in pumps if p["silent"]],
+        "findings": rates(judged),
+    }
+
+
+@router.get("/ranking", summary="Which pump first, and why")
+def ranking(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Page through the pumps by urgency, each with its reasons in plain words."""
+    query = {"list": "ranking"}
+    place = place_of(query, cursor)
+    start = place[0] if place is not None else 0
+    with context.database.reading() as session:
+        rows = list(session.scalars(queries.pumps(asker)))
+        items = ranked(session, rows, pump_documents(session, rows))
+    end = start + limit
+    return {"items": items[start:end], "next": cursor_after(query, [end]) if end < len(items) else None}
+
+
+@router.get("/trend", summary="Trend of one metric over the fleet, by group")
+def trend(
+    context: ContextOf,
+    asker: Asker,
+    metric: str,
+    group_by: GroupBy = "pump_type",
+    since: Annotated[Instant | None, Query(alias="from")] = None,
+    until: Annotated[Instant | None, Query(alias="to")] = None,
+    points: Annotated[int, Query(ge=4, le=10_000, description="About so many per group")] = 500,
+) -> dict[str, Any]:
+    """Points of a metric in event order for each group, thinned without losing extremes."""
+    check_metric(metric)
+    with context.database.reading() as session:
+        groups = fleet_trend(session, asker, metric, group_by, since, until, points)
+    return {"metric": metric, "unit": TREND_METRICS[metric], "group_by": group_by, "items": groups, "next": None}

@@ -1,0 +1,251 @@
+"""Channel mappings: an operator's exports uploaded as they are."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Query, Request, Response
+from pydantic import ConfigDict, Field, ValidationError
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import UploadFile
+
+from service.access import audit
+from service.access.security import Principal
+from service.context import Context
+from service.errors import Conflict, Fault, Invalid, NotFound, PreconditionRequired, StaleVersion, TooLarge
+from service.ingest.mapping import ChannelMapping
+from service.ingest.mappings import append_version, latest_mapping, mapping_version, mappings
+from service.ingest.parse import ANY_TYPE
+from service.ingest.preview import preview
+from service.storage.tables import StoredMapping
+from service.web.dependencies import Asker, ContextOf
+from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+
+router = APIRouter(prefix="/mappings", tags=["mappings"])
+Operator = Annotated[str | None, Query(description="Whose mapping; default: the key's operator")]
+_FORM_OVERHEAD = 2**20 + 2**16
+_EXAMPLE: dict[str, Any] = {
+    "description": "export of the maintenance computer",
+    "aircraft_type": "H225",
+    "channels": [
+        {"source": "Time", "channel": "time_s", "unit": "ms"},
+        {"source": "HYD1_P", "channel": "discharge_pressure_bar", "unit": "psi"},
+        {"source": "HYD1_CASE_P", "channel": "case_pressure_bar", "unit": "psia"},
+        {"source": "HYD1_N", "channel": "shaft_speed_rpm", "unit": "Hz"},
+        {"source": "HYD1_T", "channel": "fluid_temperature_degc", "unit": "degF"},
+    ],
+    "metadata": {"Tail": "aircraft", "PumpSN": "pump_serial", "Flight": "flight_id", "Start": "started_at"},
+    "defaults": {"position": "LH"},
+    "csv": {"delimiter": ";", "decimal": ","},
+}
+
+
+class MappingContent(ChannelMapping):
+    """A new version of a mapping: it replaces the earlier one as a whole, which records keep that used it."""
+
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [_EXAMPLE]})
+    aircraft_type: str | None = Field(default=None, min_length=1, max_length=200)
+    description: str = Field(default="", max_length=2000)
+
+    def mapping(self) -> ChannelMapping:
+        """The part that is applied to files."""
+        return ChannelMapping.model_validate(self.model_dump(exclude={"aircraft_type", "description", "name"}))
+
+
+class NewMapping(MappingContent):
+    """A mapping under a new name."""
+
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"examples": [{"name": "hums-export", **_EXAMPLE}]})
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$")
+
+
+@router.get("", summary="List channel mappings")
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    aircraft_type: str | None = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Page through the newest versions of the mappings that this key may see."""
+    query = {"list": "mappings", "aircraft_type": aircraft_type}
+    after = place_of(query, cursor)
+    with context.database.reading() as session:
+        rows = list(session.scalars(mappings(asker, aircraft_type, after).limit(limit + 1)))
+    return page(rows, limit, query, lambda r: [r.operator, r.name], _shown)
+
+
+@router.post("", status_code=201, summary="Store a channel mapping")
+def make(
+    body: NewMapping, response: Response, context: ContextOf, asker: Asker, operator: Operator = None
+) -> dict[str, Any]:
+    """Store a mapping under a new name."""
+    asker.require("analyst")
+    owner = asker.operator_of(operator)
+    with context.database.writing() as session:
+        try:
+            latest_mapping(session, owner, body.name)
+        except NotFound:
+            row = _appended(session, owner, body.name, 1, body, asker)
+        else:
+            raise Conflict(f"there is a channel mapping {body.name} already: change it with PUT /mappings/{body.name}")
+    response.headers["ETag"] = _etag(row)
+    response.headers["Location"] = f"/api/v1/mappings/{row.name}"
+    return _shown(row)
+
+
+@router.get("/{name}", summary="One channel mapping")
+def one(name: str, response: Response, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+    """The newest version; its number is the ETag."""
+    with context.database.reading() as session:
+        row = latest_mapping(session, asker.operator_of(operator), name)
+    response.headers["ETag"] = _etag(row)
+    return _shown(row)
+
+
+@router.put("/{name}", summary="A new version of a channel mapping")
+def change(
+    name: str,
+    body: MappingContent,
+    response: Response,
+    context: ContextOf,
+    asker: Asker,
+    operator: Operator = None,
+    if_match: Annotated[str | None, Header()] = None,
+) -> dict[str, Any]:
+    """Append a version; records that were uploaded through an earlier one stay what they are."""
+    asker.require("analyst")
+    owner = asker.operator_of(operator)
+    with context.database.writing() as session:
+        current = latest_mapping(session, owner, name)
+        if if_match is None:
+            raise PreconditionRequired(f"send If-Match with the version you read ({_etag(current)})")
+        if _etag(current) not in {tag.strip() for tag in if_match.split(",")}:
+            raise StaleVersion(f"the latest version is {_etag(current)}: read it again and repeat your change")
+        row = _appended(session, owner, name, current.version + 1, body, asker)
+    response.headers["ETag"] = _etag(row)
+    return _shown(row)
+
+
+@router.post(
+    "/preview",
+    summary="What a channel mapping makes of a file",
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {
+                "multipart/form-data": {
+                    "schema": {
+                        "type": "object",
+                        "required": ["file"],
+                        "properties": {
+                            "file": {"type": "string", "format": "binary"},
+                            "mapping": {"type": "string", "description": "A mapping as JSON, or the name of one"},
+                        },
+                    }
+                },
+                ANY_TYPE: {},
+            },
+        }
+    },
+)
+async def previewed(
+    request: Request,
+    context: ContextOf,
+    asker: Asker,
+    mapping: Annotated[str | None, Query(description="Name of a stored mapping")] = None,
+    operator: Operator = None,
+    rows: Annotated[int, Query(ge=0, le=100)] = 10,
+) -> dict[str, Any]:
+    """Recognised and unrecognised channels, metadata, first rows and every fault; nothing is stored.
+
+    The file is the body with ``?mapping=name``, or a form's part ``file`` beside a part ``mapping``.
+    """
+    owner = asker.operator_of(operator)
+    limit = context.settings.max_upload_bytes
+    if not request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
+        kind, encoding = request.headers.get("content-type", ANY_TYPE), request.headers.get("content-encoding", "")
+        chosen = await run_in_threadpool(_chosen, context, owner, mapping)
+        declared = request.headers.get("content-length", "")
+        async with context.spool.received(request.stream(), declared, limit) as file:
+            return await run_in_threadpool(_preview, context, file.path, kind, encoding, chosen, rows)
+    declared = request.headers.get("content-length", "")
+    # the form's parser has no bound of its own
+    if not declared.isdigit():
+        raise Invalid("a form needs its length", [Fault("content-length", "is missing")])
+    if int(declared) > limit + _FORM_OVERHEAD:
+        raise TooLarge(f"the form is larger than {limit} bytes")
+    async with request.form(max_files=1, max_fields=1, max_part_size=2**20) as form:
+        part, words = form.get("file"), form.get("mapping", mapping)
+        if not isinstance(part, UploadFile) or isinstance(words, UploadFile):
+            raise Invalid("the form needs a file", [Fault("file", "is missing, or the mapping is sent as a file")])
+        chosen = await run_in_threadpool(_chosen, context, owner, words)
+        async with context.spool.received(_parts(part), str(part.size or ""), limit) as file:
+            return await run_in_threadpool(
+                _preview, context, file.path, part.content_type or ANY_TYPE, "", chosen, rows
+            )
+
+
+async def _parts(part: UploadFile) -> Any:
+    while piece := await part.read(1 << 20):
+        yield piece
+
+
+def _chosen(context: Context, operator: str, words: str | None) -> ChannelMapping | None:
+    """A mapping given as JSON or by name; None without one."""
+    if words is None:
+        return None
+    if not words.lstrip().startswith("{"):
+        with context.database.reading() as session:
+            return mapping_version(session, operator, words).mapping
+    try:
+        document = json.loads(words)
+        document.pop("name", None)
+        return MappingContent.model_validate(document).mapping()
+    except ValueError as error:
+        if not isinstance(error, ValidationError):
+            raise Invalid("the mapping is not JSON", [Fault("mapping", str(error)[:200])]) from None
+        faults = [Fault(".".join(("mapping", *map(str, e["loc"]))), e["msg"]) for e in error.errors()]
+        raise Invalid(f"the mapping has {len(faults)} fault(s)", faults) from None
+
+
+def _preview(
+    context: Context, path: Path, kind: str, encoding: str, mapping: ChannelMapping | None, n_rows: int
+) -> dict[str, Any]:
+    dialect = mapping.dialect if mapping else None
+    raw = context.parser.parsed(path, kind, encoding, context.limits, dialect)
+    return preview(raw, mapping, n_rows)
+
+
+def _appended(
+    session: Any, operator: str, name: str, version: int, body: MappingContent, asker: Principal
+) -> StoredMapping:
+    row = append_version(
+        session,
+        operator,
+        name,
+        version,
+        body.mapping(),
+        aircraft_type=body.aircraft_type,
+        description=body.description,
+        author=asker.owner,
+    )
+    audit.note(session, asker, "mapping.put", f"mapping/{name}", operator, {"version": version})
+    return row
+
+
+def _etag(row: StoredMapping) -> str:
+    return f'"{row.version}"'
+
+
+def _shown(row: StoredMapping) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "operator": row.operator,
+        "version": row.version,
+        "aircraft_type": row.aircraft_type,
+        "description": row.description,
+        **ChannelMapping.model_validate(row.document).model_dump(mode="json"),
+        "author": row.author,
+        "created_at": row.created_at,
+    }

@@ -1,0 +1,188 @@
+"""Pumps: list, one, verdicts, trends, damage identification curve."""
+
+from datetime import UTC, datetime
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Response
+from sqlalchemy.exc import IntegrityError
+
+from detectors.curve_svg import curve_svg
+from detectors.verdict import TREND_METRICS
+from service.access import audit
+from service.errors import Conflict
+from service.monitoring.refold import verdict_known_at
+from service.reading import queries
+from service.reading.curve import curve_of, curve_png
+from service.reading.fleet import pump_documents
+from service.reading.forecast import forecast_of
+from service.reading.trend import check_metric, trend_of
+from service.registry import pumps as registry
+from service.registry.fields import Instant
+from service.registry.installations import current_installation
+from service.registry.locks import locked_pump
+from service.storage.tables import VerdictRevision
+from service.web.dependencies import Asker, ContextOf
+from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+
+router = APIRouter(prefix="/pumps", tags=["pumps"])
+Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]
+
+
+@router.get("", summary="List pumps")
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Page through the pumps that this key may see, by operator and serial number."""
+    query = {"list": "pumps"}
+    after = place_of(query, cursor)
+    with context.database.reading() as session:
+        rows = list(session.scalars(queries.pumps(asker, after).limit(limit + 1)))
+        documents = {row.id: d for row, d in zip(rows, pump_documents(session, rows), strict=True)}
+        return page(rows, limit, query, lambda r: [r.operator, r.serial], lambda r: documents[r.id])
+
+
+@router.post("", status_code=201, summary="Register a pump")
+def create(body: registry.NewPump, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Register a pump before its first record."""
+    asker.require("engineer")
+    operator = asker.operator_of(body.operator)
+    try:
+        with context.database.writing() as session:
+            row = registry.create(session, operator, body, asker.owner)
+            details = body.model_dump(mode="json", exclude_unset=True)
+            audit.note(session, asker, "pump.register", f"pump/{row.serial}", row.operator, details)
+            response.headers["Location"] = f"/api/v1/pumps/{row.serial}"
+            return pump_documents(session, [row])[0]
+    except IntegrityError:
+        raise Conflict(f"pump {body.serial} was registered at the same moment") from None
+
+
+@router.get("/{serial}", summary="One pump")
+def one(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+    """A pump, where it sits, whether it has gone silent, how it is."""
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        return pump_documents(session, [row])[0] | {
+            "installation": current_installation(session, row, datetime.now(UTC))
+        }
+
+
+@router.patch("/{serial}", summary="Confirm or change a pump")
+def change(
+    serial: str, body: registry.PumpChange, context: ContextOf, asker: Asker, operator: Operator = None
+) -> dict[str, Any]:
+    """Confirm a pump that a record brought along, or give it another type, which folds it anew."""
+    asker.require("engineer")
+    with context.database.writing() as session:
+        row = locked_pump(session, asker, serial, operator)
+        registry.change(session, row, body, asker.owner, context.archive)
+        details = body.model_dump(mode="json", exclude_unset=True)
+        audit.note(session, asker, "pump.change", f"pump/{row.serial}", row.operator, details)
+        return pump_documents(session, [row])[0]
+
+
+@router.get("/{serial}/verdict", summary="Verdict of one pump")
+def verdict(
+    serial: str,
+    context: ContextOf,
+    asker: Asker,
+    operator: Operator = None,
+    at: Annotated[Instant | None, Query(description="Event time; default: the latest record")] = None,
+    known_at: Annotated[Instant | None, Query(description="Only what was known then; default: now")] = None,
+) -> dict[str, Any]:
+    """The verdict now, as of an event time, or as it stood with what was known at an instant."""
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        if known_at is not None:
+            return verdict_known_at(session, row, context.archive, known_at, at)
+        return queries.verdict(session, row, at)
+
+
+@router.get("/{serial}/verdicts", summary="Every change of verdict")
+def verdicts(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+    """The verdicts at which the state changed, oldest first."""
+    with context.database.reading() as session:
+        changes = queries.verdict_changes(session, queries.pump(session, asker, serial, operator))
+        items = [{"at": c.at, "record_id": c.record_id, "verdict": c.verdict} for c in changes]
+    return {"items": items, "next": None}
+
+
+@router.get("/{serial}/verdicts/revisions", summary="Past verdicts that changed, and why")
+def revisions(
+    serial: str,
+    context: ContextOf,
+    asker: Asker,
+    operator: Operator = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Verdicts that a late, corrected or withdrawn record, an entry or a threshold changed; the newest first."""
+    query = {"list": "revisions", "pump": serial, "operator": operator}
+    after = place_of(query, cursor)
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        rows = list(session.scalars(queries.revisions(row.id, after).limit(limit + 1)))
+        return page(rows, limit, query, lambda r: r.id, _revision)
+
+
+@router.get("/{serial}/trend", summary="Trend of one metric")
+def trend(
+    serial: str,
+    context: ContextOf,
+    asker: Asker,
+    metric: str,
+    operator: Operator = None,
+    since: Annotated[Instant | None, Query(alias="from")] = None,
+    until: Annotated[Instant | None, Query(alias="to")] = None,
+    points: Annotated[int, Query(ge=4, le=10_000)] = 1000,
+) -> dict[str, Any]:
+    """Points of a metric in event order, thinned to about ``points`` without losing extremes."""
+    check_metric(metric)
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        items = trend_of(session, row, metric, since, until, points)
+    return {"metric": metric, "unit": TREND_METRICS[metric], "items": items}
+
+
+@router.get("/{serial}/forecast", summary="Flight hours to the limit")
+def remaining(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+    """Flight hours until the limit of case flow at the reference condition, or why no forecast is honest."""
+    with context.database.reading() as session:
+        return forecast_of(session, queries.pump(session, asker, serial, operator))
+
+
+@router.get("/{serial}/damage-identification-curve", summary="Damage identification curve", response_model=None)
+def curve(
+    serial: str,
+    context: ContextOf,
+    asker: Asker,
+    operator: Operator = None,
+    at: Instant | None = None,
+    speed_rpm: Annotated[float | None, Query(ge=200, le=8000)] = None,
+    fluid_temperature_degc: Annotated[float | None, Query(ge=-20, le=140)] = None,
+    form: Annotated[Literal["json", "svg", "png"], Query(alias="format")] = "json",
+) -> dict[str, Any] | Response:
+    """Reference curve, this pump's points brought to the chosen conditions, and the direction of each fault."""
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        found = curve_of(session, row, at, speed_rpm, fluid_temperature_degc)
+    if form == "svg":
+        return Response(curve_svg(found.curve, f"pump {serial}"), media_type="image/svg+xml")
+    if form == "png":
+        return Response(curve_png(found.curve, f"pump {serial}"), media_type="image/png")
+    return found.document
+
+
+def _revision(row: VerdictRevision) -> dict[str, Any]:
+    return {
+        "at": row.at,
+        "record_id": row.record_id,
+        "old_state": row.old_state,
+        "new_state": row.new_state,
+        "cause": row.cause,
+        "cause_id": row.cause_id,
+        "changed_at": row.changed_at,
+    }

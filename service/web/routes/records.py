@@ -1,0 +1,217 @@
+"""Records: upload, list, look up, fetch back."""
+
+from collections.abc import Collection, Mapping
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from service.access.security import Principal
+from service.context import Context
+from service.errors import Fault, Invalid
+from service.ingest.mapping_version import MappingVersion
+from service.ingest.mappings import mapping_version
+from service.ingest.metadata import KNOWN
+from service.ingest.parse import CONTENT_TYPES
+from service.monitoring.acceptance import Upload
+from service.monitoring.withdrawal import withdraw_record
+from service.reading import queries
+from service.registry.fields import Instant, Reason
+from service.storage.tables import ANALYSED, Record
+from service.web.dependencies import Asker, ContextOf
+from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+
+router = APIRouter(prefix="/records", tags=["records"])
+Status = Literal["stored", "analysed", "refused", "superseded", "withdrawn"]
+
+
+@router.post(
+    "",
+    status_code=201,
+    summary="Upload one flight record",
+    responses={200: {"description": "Known already"}, 202: {"description": "Stored, not analysed yet"}},
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "content": {kind: {} for kind in CONTENT_TYPES},
+        }
+    },
+)
+async def upload(
+    request: Request,
+    response: Response,
+    background: BackgroundTasks,
+    context: ContextOf,
+    asker: Asker,
+    wait: Annotated[bool, Query(description="Answer after the analysis")] = True,
+    supersedes: Annotated[str | None, Query(description="Id of the record that this one replaces")] = None,
+    mapping: Annotated[str | None, Query(description="Name of the channel mapping that the file needs")] = None,
+) -> dict[str, Any]:
+    """Take the body as one record; metadata may come as query parameters and win over those of the file."""
+    asker.require("analyst")
+    overrides = overrides_of(request, ("wait", "supersedes", "mapping"))
+    named = await run_in_threadpool(mapping_of, context, asker, overrides, mapping)
+    declared = request.headers.get("content-length", "")
+    async with context.spool.received(request.stream(), declared, context.settings.max_upload_bytes) as file:
+        new = Upload(
+            file=file,
+            content_type=request.headers.get("content-type", ""),
+            content_encoding=request.headers.get("content-encoding", ""),
+            overrides=overrides,
+            supersedes=supersedes,
+            mapping=named,
+        )
+        take = context.acceptance.accept if wait else context.acceptance.store
+        accepted = await run_in_threadpool(take, new, asker)
+    answer = await run_in_threadpool(_answer, context, asker, accepted.record_id)
+    response.status_code = 200 if accepted.known else (201 if wait else 202)
+    response.headers["Location"] = f"/api/v1/records/{accepted.record_id}"
+    if not wait and answer["status"] == "stored":
+        background.add_task(context.acceptance.process, accepted.record_id)
+    return answer
+
+
+@router.get("", summary="List records, the newest first")
+def listed(
+    context: ContextOf,
+    asker: Asker,
+    pump: str | None = None,
+    since: Annotated[Instant | None, Query(alias="from")] = None,
+    until: Annotated[Instant | None, Query(alias="to")] = None,
+    status: Status | None = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> dict[str, Any]:
+    """Page through the records that this key may see."""
+    query = {"pump": pump, "from": since, "to": until, "status": status, "list": "records"}
+    after = place_of(query, cursor)
+    wanted = queries.records(asker, serial=pump, since=since, until=until, status=status, after=after)
+    with context.database.reading() as session:
+        rows = session.execute(wanted.limit(limit + 1)).all()
+        return page(
+            rows,
+            limit,
+            query,
+            lambda row: [row[0].received_at.isoformat(), row[0].id],
+            lambda row: _summary(row[0], row[1]),
+        )
+
+
+@router.get("/{record_id}", summary="Status of one record")
+def one(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Where a record stands, what its windows say, and the verdict as it was right after it."""
+    return _answer(context, asker, record_id)
+
+
+@router.delete("/{record_id}", summary="Withdraw one record")
+def withdraw(
+    record_id: str,
+    context: ContextOf,
+    asker: Asker,
+    reason: Annotated[Reason, Query(description="Why it shall no longer count")],
+) -> dict[str, Any]:
+    """Take a record out of its pump's history, which is folded anew; its bytes are kept."""
+    asker.require("analyst")
+    with context.database.writing() as session:
+        withdraw_record(session, asker, record_id, reason, context.archive)
+    return _answer(context, asker, record_id)
+
+
+@router.get("/{record_id}/windows", summary="Windows of one record")
+def windows(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """All windows in time order, the rejected ones with their reason."""
+    with context.database.reading() as session:
+        return {"items": _windows(queries.record(session, asker, record_id)), "next": None}
+
+
+@router.get("/{record_id}/raw", summary="Original bytes of one record", response_class=Response)
+def raw(record_id: str, context: ContextOf, asker: Asker) -> Response:
+    """The bytes exactly as they were uploaded."""
+    with context.database.reading() as session:
+        row = queries.record(session, asker, record_id)
+    content = context.raw_store.get(row.content_hash)
+    headers = {"Content-Disposition": f'attachment; filename="{record_id}"'}
+    kind = row.content_type or "application/octet-stream"
+    if row.request.get("encoding"):
+        headers["X-Original-Content-Encoding"] = row.request["encoding"]
+    return Response(content, media_type=kind, headers=headers)
+
+
+def overrides_of(request: Request, controls: Collection[str]) -> dict[str, str]:
+    """Metadata among the query parameters; every other name but those of ``controls`` is a fault."""
+    faults, overrides = [], {}
+    for name, value in request.query_params.multi_items():
+        if name in overrides:
+            faults.append(Fault(f"query.{name}", "is given twice"))
+        elif name in KNOWN:
+            overrides[name] = value
+        elif name not in controls:
+            faults.append(Fault(f"query.{name}", f"is not metadata of a record; known: {', '.join(KNOWN)}"))
+    if faults:
+        raise Invalid("the query is wrong; nothing was stored", faults)
+    return overrides
+
+
+def mapping_of(
+    context: Context, asker: Principal, overrides: Mapping[str, str], name: str | None
+) -> MappingVersion | None:
+    """The newest version of a mapping that the upload's operator has."""
+    if name is None:
+        return None
+    with context.database.reading() as session:
+        return mapping_version(session, asker.operator_of(overrides.get("operator")), name)
+
+
+def _answer(context: Context, asker: Principal, record_id: str) -> dict[str, Any]:
+    with context.database.reading() as session:
+        row = queries.record(session, asker, record_id)
+        document: dict[str, Any] = {
+            "record_id": row.id,
+            "status": row.status,
+            "operator": row.operator,
+            "aircraft": row.aircraft,
+            "position": row.position,
+            "flight_id": row.flight_id,
+            "segment": row.segment or None,
+            "started_at": row.started_at,
+            "received_at": row.received_at,
+            "supersedes": row.supersedes,
+        }
+        if row.ended_at is not None:
+            document |= {"ended_at": row.ended_at, "withdrawal": row.withdrawal}
+        if row.problem is not None:
+            document["problem"] = row.problem
+        if row.status != ANALYSED:
+            return document
+        assessment = queries.assessment_of(session, row.id)
+        found = _windows(row)
+        usable = [w["residuals"] for w in found if w["kind"] == "zero_flow" and w["accepted"]]
+        return document | {
+            "pump_serial": assessment.serial,
+            "windows": found,
+            "explanation": (row.reduction or {}).get("explanation"),
+            "flags": (row.reduction or {}).get("flags", []),
+            "residuals": usable[-1] if usable else None,
+            "verdict": assessment.verdict,
+        }
+
+
+def _windows(row: Record) -> list[dict[str, Any]]:
+    residuals = row.residuals or {}
+    found = (row.reduction or {}).get("windows", [])
+    return [{**window, "residuals": residuals.get(str(i), {})} for i, window in enumerate(found)]
+
+
+def _summary(row: Record, serial: str | None) -> dict[str, Any]:
+    return {
+        "record_id": row.id,
+        "status": row.status,
+        "operator": row.operator,
+        "pump_serial": serial,
+        "aircraft": row.aircraft,
+        "position": row.position,
+        "flight_id": row.flight_id,
+        "segment": row.segment or None,
+        "started_at": row.started_at,
+        "received_at": row.received_at,
+    }

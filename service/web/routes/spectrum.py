@@ -1,0 +1,47 @@
+"""Spectrum of one channel of one record."""
+
+import math
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+
+from service.errors import Conflict, Fault, Invalid
+from service.pump_types.parameter_sets import held_type
+from service.reading import queries
+from service.reading.channel_spectrum import channel_spectrum
+from service.storage.tables import Pump, Record
+from service.web.dependencies import Asker, ContextOf
+
+router = APIRouter(prefix="/records", tags=["records"])
+
+
+@router.get("/{record_id}/spectrum", summary="Spectrum of one channel of one record")
+def spectrum(
+    record_id: str,
+    context: ContextOf,
+    asker: Asker,
+    channel: str,
+    start_s: Annotated[float | None, Query(description="Start of the stretch [s]")] = None,
+    end_s: Annotated[float | None, Query(description="End of the stretch [s]")] = None,
+) -> dict[str, Any]:
+    """Power spectral density and orders of the shaft; by default in the last accepted zero-flow window."""
+    with context.database.reading() as session:
+        row = queries.record(session, asker, record_id)
+        if row.pump_id is None or row.reduction is None:
+            raise Conflict(f"record {record_id} is {row.status}: there is nothing decoded to look at")
+        pump = session.get_one(Pump, row.pump_id)
+        kind = held_type(session, pump.operator, pump.pump_type)
+    first, last = _stretch(row, start_s, end_s)
+    recording = context.archive.recording(row, kind)
+    return {"record_id": record_id} | channel_spectrum(recording, channel, kind, first, last)
+
+
+def _stretch(row: Record, start_s: float | None, end_s: float | None) -> tuple[float, float]:
+    if start_s is None and end_s is None:
+        windows = [w for w in (row.reduction or {}).get("windows", []) if w["kind"] == "zero_flow" and w["accepted"]]
+        return (windows[-1]["start_s"], windows[-1]["end_s"]) if windows else (-math.inf, math.inf)
+    first = -math.inf if start_s is None else start_s
+    last = math.inf if end_s is None else end_s
+    if not first < last:
+        raise Invalid("the stretch is empty", [Fault("query.end_s", "is not after start_s")])
+    return first, last

@@ -1,0 +1,93 @@
+"""The twin itself: operating points for any condition and health."""
+
+from typing import Any, Literal
+
+from fastapi import APIRouter
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from service.errors import Invalid
+from service.pump_types.parameter_sets import asked_type
+from service.web.dependencies import Asker, ContextOf
+from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
+from twin.operating_point import operating_points, problem
+from twin.pumps import circuit_parameters
+
+router = APIRouter(prefix="/twin", tags=["twin"])
+MOST_CONDITIONS = 10_000
+_LEAKAGES = ("piston", "slipper", "port_plate", "compensator")
+_PLURALS = {"piston": "pistons", "slipper": "slippers", "port_plate": "port_plate", "compensator": "compensator"}
+
+
+class HealthInput(BaseModel):
+    """What wear and faults change; the defaults are the healthy pump."""
+
+    model_config = ConfigDict(extra="forbid")
+    pump_leakage_scale: FiniteFloat = 1.0
+    system_leakage_lpm: FiniteFloat = 0.0
+    pressure_setting_change_bar: FiniteFloat = 0.0
+    drain_resistance_scale: FiniteFloat = 1.0
+    control_bleed_lpm: FiniteFloat = 0.0
+    throttled_leakage_lpm: FiniteFloat = 0.0
+    slipper_leakage_scale: FiniteFloat = 1.0
+    piston_leakage_scale: FiniteFloat = 1.0
+    port_plate_leakage_scale: FiniteFloat = 1.0
+    droop_scale: FiniteFloat = 1.0
+
+
+class ConditionInput(BaseModel):
+    """Where the pump runs."""
+
+    model_config = ConfigDict(extra="forbid")
+    speed_rpm: FiniteFloat
+    fluid_temperature_degc: FiniteFloat
+    reservoir_pressure_bar: FiniteFloat = 0.0
+    discharge_flow_lpm: FiniteFloat = 0.0
+    circuit: Literal["shared_return", "separate_drain", "acceptance_stand"] = "shared_return"
+    health: HealthInput = HealthInput()
+
+
+class OperatingPointRequest(BaseModel):
+    """Conditions to solve, all for one pump type."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={
+            "examples": [{"pump_type": "h225", "conditions": [{"speed_rpm": 4600, "fluid_temperature_degc": 50}]}]
+        },
+    )
+    pump_type: str = "h225"
+    conditions: list[ConditionInput] = Field(min_length=1, max_length=MOST_CONDITIONS)
+
+
+@router.post("/operating-point", summary="Steady states of the twin")
+def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Solve every condition; one without a solution gets a problem in its place."""
+    with context.database.reading() as session:
+        pump = asked_type(session, asker.operator, body.pump_type, "pump_type").pump
+    items: list[dict[str, Any]] = [{} for _ in body.conditions]
+    for circuit in sorted({c.circuit for c in body.conditions}):
+        places = [i for i, c in enumerate(body.conditions) if c.circuit == circuit]
+        asked = [body.conditions[i] for i in places]
+        conditions = [
+            Condition(c.speed_rpm, c.fluid_temperature_degc, c.reservoir_pressure_bar, c.discharge_flow_lpm)
+            for c in asked
+        ]
+        healths = [Health(**c.health.model_dump()) for c in asked]
+        points = operating_points(pump, input_rows(conditions, healths), circuit_parameters(circuit), derivatives=True)
+        for k, place in enumerate(places):
+            items[place] = _item(points, k)
+    return {"items": items}
+
+
+def _item(points: OperatingPoints, k: int) -> dict[str, Any]:
+    fault = problem(points, k)
+    if fault is not None or points.derivatives is None:
+        body = Invalid(fault or "no derivatives").body()
+        return {"error": body}
+    values = dict(zip(OUTPUTS, points.values[k].tolist(), strict=True))
+    leakage = {_PLURALS[part]: values.pop(f"{part}_leakage_lpm") for part in _LEAKAGES}
+    inputs = (*CONDITION_INPUTS, *HEALTH_INPUTS)
+    derivatives = {
+        output: dict(zip(inputs, points.derivatives[k, i].tolist(), strict=True)) for i, output in enumerate(OUTPUTS)
+    }
+    return values | {"leakage_lpm": leakage, "derivatives": derivatives}

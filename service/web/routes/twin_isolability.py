@@ -1,0 +1,148 @@
+"""Isolability: what given sensors could detect and isolate, before anybody buys them."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
+
+from detectors.isolability import isolability
+from detectors.isolability_plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
+from detectors.isolability_table import REPEATABILITY_SHARE
+from service.errors import Fault, Invalid
+from service.pump_types.parameter_sets import find_type, types
+from service.studies.isolability_document import isolability_document
+from service.web.dependencies import Asker, ContextOf
+from twin.parameters import PumpType, Sensor
+from twin.pumps import PUMP_TYPES, circuit_parameters
+from twin.pumps.circuits import CIRCUITS
+
+router = APIRouter(prefix="/twin", tags=["twin"])
+_CHANNELS = {
+    "case": "case_pressure_bar",
+    "discharge": "discharge_pressure_bar",
+    "reservoir": "reservoir_pressure_bar",
+}
+
+
+def _circuit(name: str) -> str:
+    if name not in CIRCUITS:
+        raise ValueError(f"{name!r} is not one of {', '.join(sorted(CIRCUITS))}")
+    return name
+
+
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if ends[0] > ends[1]:
+        raise ValueError(f"{ends[0]:g} lies above {ends[1]:g}")
+    return ends
+
+
+def _within(key: str, factor: float = 1.0) -> Any:
+    """Constraint by the plan's own range; ``factor`` brings it to the request's unit."""
+    low, high = PLAN_RANGES[key]
+    return Field(ge=factor * low, le=factor * high)
+
+
+FullScale = Annotated[FiniteFloat, _within("full_scale_bar")]
+Accuracy = Annotated[FiniteFloat, _within("accuracy_fs", 100.0)]
+Repeatability = Annotated[FiniteFloat, _within("repeatability_fs", 100.0)]
+GroundRunFlow = Annotated[FiniteFloat, _within("ground_run_flow_lpm")]
+Temperature = Annotated[FiniteFloat, _within("temperature_degc")]
+
+
+class SensorInput(BaseModel):
+    """One pressure sensor; what is not given is the pump type's own, repeatability a tenth of a given accuracy."""
+
+    model_config = ConfigDict(extra="forbid")
+    full_scale_bar: FullScale | None = None
+    accuracy_percent: Accuracy | None = None
+    repeatability_percent: Repeatability | None = None
+
+
+class SensorsInput(BaseModel):
+    """The pressure sensors; ``reservoir_pressure_bar: null`` where none is fitted."""
+
+    model_config = ConfigDict(extra="forbid")
+    case_pressure_bar: SensorInput = SensorInput()
+    discharge_pressure_bar: SensorInput = SensorInput()
+    reservoir_pressure_bar: SensorInput | None = SensorInput()
+    case_zero_measured: bool = True
+
+
+class IsolabilityRequest(BaseModel):
+    """One study; the defaults are the pump type's own sensors."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        json_schema_extra={"examples": [{"flights": 30, "temperature_range_degc": [30.0, 80.0], "burst": True}]},
+    )
+    pump_type: str = "h225"
+    circuit: Annotated[str, AfterValidator(_circuit)] = "shared_return"
+    sensors: SensorsInput = SensorsInput()
+    temperature_range_degc: Annotated[tuple[Temperature, Temperature], AfterValidator(_rising)] = (30.0, 80.0)
+    baseline_flights: Annotated[int, _within("baseline_flights")] = 30
+    flights: Annotated[int, _within("flights")] = 30
+    windows_per_flight: Annotated[int, _within("windows_per_flight")] = 1
+    ground_run_flows_lpm: Annotated[list[GroundRunFlow], Field(max_length=MOST_GROUND_RUN_FLOWS)] = []
+    ground_run_every: Annotated[int, _within("ground_run_every")] = 10
+    burst: bool = False
+    false_alarm_probability: Annotated[FiniteFloat, _within("false_alarm_probability")] = 1.0e-4
+    detection_probability: Annotated[FiniteFloat, _within("detection_probability")] = 0.9
+
+
+@router.post("/isolability", summary="Smallest detectable and isolable faults")
+def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> dict[str, Any]:
+    """Bounds of every kind of fault for the given sensors, temperatures and flights."""
+    with context.database.reading() as session:
+        asked = find_type(session, asker.operator, body.pump_type)
+        known = ", ".join(t.name for t in types(session, asker.operator)) if asked is None else ""
+    # the rest of the study is looked at all the same: one answer names every fault
+    kind = asked or PUMP_TYPES["h225"]
+    wrong = [] if asked else [Fault("body.pump_type", f"{body.pump_type!r} is not one of {known}")]
+    try:
+        found = isolability(_plan(body, kind), kind, circuit_parameters(body.circuit))
+    except PlanFaultsError as error:
+        faults = wrong + [Fault(_place(where), problem) for where, problem in error.faults]
+        raise Invalid(f"the study has {len(faults)} fault(s)", faults) from None
+    if wrong:
+        raise Invalid("the study has 1 fault(s)", wrong)
+    return isolability_document(found) | {"pump_type": body.pump_type, "circuit": body.circuit}
+
+
+def _plan(body: IsolabilityRequest, kind: PumpType) -> Plan:
+    given = body.sensors
+    tank = given.reservoir_pressure_bar
+    sensors = Sensors(
+        case=_sensor(given.case_pressure_bar, kind.sensors["case_pressure_bar"]),
+        discharge=_sensor(given.discharge_pressure_bar, kind.sensors["discharge_pressure_bar"]),
+        reservoir=None if tank is None else _sensor(tank, kind.sensors["reservoir_pressure_bar"]),
+        zero_measured=given.case_zero_measured,
+    )
+    return Plan(
+        sensors=sensors,
+        temperature_range_degc=body.temperature_range_degc,
+        baseline_flights=body.baseline_flights,
+        flights=body.flights,
+        windows_per_flight=body.windows_per_flight,
+        ground_run_flows_lpm=tuple(body.ground_run_flows_lpm),
+        ground_run_every=body.ground_run_every,
+        burst=body.burst,
+        false_alarm_probability=body.false_alarm_probability,
+        detection_probability=body.detection_probability,
+    )
+
+
+def _sensor(given: SensorInput, own: Sensor) -> Sensor:
+    accuracy, repeatability = own.accuracy_fs, own.repeatability_fs
+    if given.accuracy_percent is not None:
+        accuracy = given.accuracy_percent / 100.0
+        repeatability = REPEATABILITY_SHARE * accuracy
+    if given.repeatability_percent is not None:
+        repeatability = given.repeatability_percent / 100.0
+    return Sensor(given.full_scale_bar or own.full_scale_bar, accuracy, repeatability)
+
+
+def _place(where: str) -> str:
+    """Place of a plan's fault in the request."""
+    for name, channel in _CHANNELS.items():
+        where = where.replace(f"sensors.{name}.", f"sensors.{channel}.")
+    return where.replace("_fs", "_percent")
