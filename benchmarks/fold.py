@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks import keep
-from detectors.assessment import assess
 from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.rows import LEAKS, Growing
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
-from detectors.thresholds import effective
+from detectors.judgement.assessment import assess
+from detectors.words.thresholds import effective
 from twin.pumps import circuit_parameters, pump_type
 from twin.version import twin_version
 

@@ -9,10 +9,10 @@ import math
 from dataclasses import asdict
 from pathlib import Path
 
-from detectors.isolability import Isolability, isolability
-from detectors.isolability_plan import Plan, sensors_of
-from detectors.isolability_svg import isolability_svg, sensor_svg
-from detectors.isolability_table import Row, case_sensor, sensor_table
+from detectors.isolability.bounds import Isolability, isolability
+from detectors.isolability.picture import isolability_svg, sensor_svg
+from detectors.isolability.plan import Plan, sensors_of
+from detectors.isolability.table import Row, case_sensor, sensor_table
 from twin.pumps import circuit_parameters, pump_type
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import RESULTS, keep
-from detectors.charts import Chart, Cusum, Glr, Side, cusum_threshold, glr_threshold, run
-from detectors.reference_curve import OutsideRange, ReferenceCurve, Regressor, fit_reference
-from detectors.scores import proportion
+from benchmarks.charts import Chart, Cusum, Glr, Side, cusum_threshold, glr_threshold, run
+from detectors.evaluation.scores import proportion
+from detectors.expectation.reference_curve import OutsideRange, ReferenceCurve, Regressor, fit_reference
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.rows import LEAKS, Growing
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
-from detectors.observation import Observation
+from detectors.words.observation import Observation
 from service.context import Context
 from service.history.analysis import analysis_key
 from service.history.codec import reduction_to_json

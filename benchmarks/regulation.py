@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import keep
-from detectors.spectrum import spectrum
+from detectors.reduction.spectrum import spectrum
 from twin.condition import Condition, Health
 from twin.laws.metering_edge import MARE
 from twin.parameters import Pump

@@ -4,12 +4,12 @@ from datetime import UTC, datetime, timedelta
 from functools import cache
 
 import twin.warm_up
-from detectors.assessment import assess
-from detectors.isolability import isolability
-from detectors.isolability_plan import Plan, sensors_of
-from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
-from detectors.snapshot import judge_version
-from detectors.thresholds import effective
+from detectors.isolability.bounds import isolability
+from detectors.isolability.plan import Plan, sensors_of
+from detectors.judgement.assessment import assess
+from detectors.judgement.snapshot import judge_version
+from detectors.words.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
+from detectors.words.thresholds import effective
 from twin.pumps import circuit_parameters, pump_type
 
 _RECORDS = 13

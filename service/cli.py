@@ -12,7 +12,7 @@ import uvicorn
 from rich.progress import Progress, track
 from rich.table import Table
 
-from detectors.curve_svg import curve_svg
+from detectors.curve.picture import curve_svg
 from service import __version__
 from service.cli_administration import db_app, keys_app, users_app
 from service.cli_studies import app as studies

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.evaluation.scores import Score
 from detectors.evaluation.scoring import Seen, Truths
 from detectors.evaluation.study import NAMES
-from detectors.scores import Score
-from detectors.verdict import State
+from detectors.words.verdict import State
 
 Array = NDArray[np.float64]
 N_BINS = 10

@@ -11,11 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.charts.evidence import evidence_threshold
 from detectors.evaluation.operating import log_odds
+from detectors.evaluation.scores import Score, bootstrap, proportion, time_between_false_alarms
 from detectors.evaluation.scoring import Seen
 from detectors.evaluation.small_steps import ARL, chart_threshold
-from detectors.scores import Score, bootstrap, proportion, time_between_false_alarms
 
 Array = NDArray[np.float64]
 
@@ -125,3 +124,13 @@ def _informed(gain: Array, rng: np.random.Generator) -> Array:
 
 def _mean(values: Array) -> float:
     return float(values.mean())
+
+
+def evidence_threshold(arl: float) -> float:
+    """``ln(arl)`` [nat]: with a true likelihood ratio at least ``arl`` records lie between false alarms.
+
+    Lorden (1971), Annals of Mathematical Statistics 42, 1897.
+    """
+    if not arl > 1.0:
+        raise ValueError(f"arl is {arl:g}; it must exceed 1 record")
+    return math.log(arl)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.reality import Flights, drawn_by_aircraft, viscosity_ratio
-from detectors.observation import Mean, Window, WindowKind
+from detectors.words.observation import Mean, Window, WindowKind
 from twin.condition import INPUTS
 from twin.operating_point import operating_points
 from twin.parameters import PumpType

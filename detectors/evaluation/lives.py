@@ -10,10 +10,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.evaluation.scores import Score, alpha_lambda, bootstrap, proportion
 from detectors.evaluation.scoring import Seen
 from detectors.evaluation.sensing import HOURS_PER_FLIGHT
 from detectors.evaluation.study import Outcome
-from detectors.scores import Score, alpha_lambda, bootstrap, proportion
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """What another alarm threshold would have done: the same histories, the log odds of a fault cut at every height.
 
-An alarm stands as in ``detectors.isolation``: raised after some records in a row above the threshold, ended below a
+An alarm stands as in ``detectors.judgement.isolation``: raised after some records in a row above the threshold, ended below a
 lower one. The log odds are those of the six stated probabilities; having come worn counts as a fault in them.
 """
 
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from detectors.evaluation.scores import Score, detection_delay, proportion, time_between_false_alarms
 from detectors.evaluation.scoring import Seen, Truths
-from detectors.scores import Score, detection_delay, proportion, time_between_false_alarms
 
 Array = NDArray[np.float64]
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from detectors.bank.bank import ARRIVAL_KINDS, SPAWN_EVERY
+from detectors.bank.hypotheses import FAULT_KINDS, log_hazards
+from detectors.bank.regulation import LOG_HAZARD as REGULATION_LOG_HAZARD
 from detectors.evaluation.rows import Row
 from detectors.evaluation.truth import judges_kinds
-from detectors.filter_bank import ARRIVAL_KINDS, SPAWN_EVERY
-from detectors.regulation import LOG_HAZARD as REGULATION_LOG_HAZARD
-from detectors.state_model import FAULT_KINDS, log_hazards
-from detectors.verdict import FAULTS, State
+from detectors.words.verdict import FAULTS, State
 
 WATCHED_RECORDS = 200
 """Records that a pump of the study is watched for, to a few."""

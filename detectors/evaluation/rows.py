@@ -9,7 +9,7 @@ import numpy as np
 from detectors.evaluation.ground_runs import GroundRuns
 from detectors.evaluation.reality import Course
 from detectors.evaluation.sensing import Sensing
-from detectors.verdict import State
+from detectors.words.verdict import State
 
 LEAKS = ("slippers", "slippers", "three slippers", "three pistons", "port plate", "port plate", "slippers", "slippers")
 """Half slippers, a quarter three slippers or three pistons, a quarter port plates."""

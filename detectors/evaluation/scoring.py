@@ -12,9 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.rows import Row
+from detectors.evaluation.scores import (
+    Score,
+    bootstrap,
+    detection_delay,
+    episodes,
+    proportion,
+    time_between_false_alarms,
+)
 from detectors.evaluation.study import STATES, Outcome
-from detectors.scores import Score, bootstrap, detection_delay, episodes, proportion, time_between_false_alarms
-from detectors.verdict import ESTIMATES, FAULTS, SIDE_OF, Side, State
+from detectors.words.verdict import ESTIMATES, FAULTS, SIDE_OF, Side, State
 
 Array = NDArray[np.float64]
 Truths = NDArray[np.bool_]

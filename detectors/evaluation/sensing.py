@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from detectors.evaluation.ground_runs import GroundRuns, loaded_windows, pressures_under_load
 from detectors.evaluation.reality import Flights, drawn_by_aircraft
-from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
-from detectors.signature import ChannelSpectrum, OrderLine, Spectrum
+from detectors.words.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
+from detectors.words.signature import ChannelSpectrum, OrderLine, Spectrum
 from twin.burst import measured_amplitudes
 from twin.condition import Health
 from twin.orders import CHANNELS, order_amplitudes, order_surfaces

@@ -16,18 +16,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.components import AMPLITUDE, N_COMPONENTS, N_STATE, RATE
+from detectors.bank.bank import DIRECTIONS, SPAWN_EVERY, Bank, Measurement
+from detectors.bank.hypotheses import FAULT_KINDS, prior, walk_variance
+from detectors.bank.kernel import N_MEASURED, N_SLOPES, predicted
+from detectors.bank.measurement import measured_windows
 from detectors.evaluation.prevalence import hazard_per_record
 from detectors.evaluation.reality import Reality, fleet
 from detectors.evaluation.rows import Row, SmallStep
 from detectors.evaluation.sensing import histories
 from detectors.evaluation.study import NAMES, Outcome, blank, seed_of, state_number
-from detectors.filter_bank import DIRECTIONS, SPAWN_EVERY, Bank, Measurement
-from detectors.filter_kernel import N_MEASURED, N_SLOPES, predicted
-from detectors.isolation import Alarm, Decision, decided, evidence
-from detectors.measurement import measured_windows
-from detectors.state_model import FAULT_KINDS, prior, walk_variance
-from detectors.verdict import FAULTS, State
+from detectors.expectation.components import AMPLITUDE, N_COMPONENTS, N_STATE, RATE
+from detectors.judgement.isolation import Alarm, Decision, decided, evidence
+from detectors.words.verdict import FAULTS, State
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]

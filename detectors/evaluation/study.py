@@ -7,12 +7,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.assessment import assess
 from detectors.evaluation.reality import Reality, fleet
 from detectors.evaluation.rows import Row
 from detectors.evaluation.sensing import histories
 from detectors.evaluation.truth import is_worth_a_word, since_installation
-from detectors.verdict import ESTIMATES, FAULTS, Assessment, State
+from detectors.judgement.assessment import assess
+from detectors.words.verdict import ESTIMATES, FAULTS, Assessment, State
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]

@@ -14,6 +14,7 @@ from detectors.evaluation.operating import OperatingCurve, operating_curve
 from detectors.evaluation.prevalence import prior_weights
 from detectors.evaluation.reality import Reality
 from detectors.evaluation.rows import Row
+from detectors.evaluation.scores import Roc, Score, roc
 from detectors.evaluation.scoring import (
     COVERED,
     FalseAlarm,
@@ -28,9 +29,8 @@ from detectors.evaluation.scoring import (
     suspicion,
 )
 from detectors.evaluation.study import Outcome, joined
-from detectors.scores import Roc, Score, roc
-from detectors.thresholds import effective
-from detectors.verdict import SIDE_OF, Side, State
+from detectors.words.thresholds import effective
+from detectors.words.verdict import SIDE_OF, Side, State
 
 Array = NDArray[np.float64]
 

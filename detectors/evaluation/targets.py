@@ -8,6 +8,7 @@ from enum import StrEnum
 from detectors.evaluation.delays import ALARM, CHART, excess
 from detectors.evaluation.lives import covered_at, near_at
 from detectors.evaluation.rows import BURST, GROUND_RUNS, HEALTHY, LIFE, LONG_LIFE, SMALL_STEP, SMALL_STEP_KINDS
+from detectors.evaluation.scores import Score
 from detectors.evaluation.scoring import (
     ACCUSED,
     COVERED,
@@ -32,8 +33,7 @@ from detectors.evaluation.summary import (
     RowResult,
     scope_of_leak,
 )
-from detectors.scores import Score
-from detectors.verdict import Side, State
+from detectors.words.verdict import Side, State
 
 
 class Scope(StrEnum):

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.evaluation.reality import Course
 from detectors.evaluation.rows import Row
-from detectors.state_model import FAULT_KINDS
-from detectors.verdict import State
+from detectors.words.verdict import State
 
 Array = NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from detectors.flights import Outline
-from detectors.observation import Observation, Window, WindowKind
-from detectors.reduction import reduce_recording
-from detectors.residuals import window_residuals
+from detectors.expectation.residuals import window_residuals
+from detectors.reduction.recording import reduce_recording
+from detectors.words.flights import Outline
+from detectors.words.observation import Observation, Window, WindowKind
 from service.history.codec import reduction_from_json, reduction_to_json, residuals_to_json
 from service.history.placement import Place
 from service.history.setting import Setting

@@ -6,8 +6,8 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from detectors.observation import Reduction, Residual
-from detectors.verdict import Estimate, Verdict
+from detectors.words.observation import Reduction, Residual
+from detectors.words.verdict import Estimate, Verdict
 
 _REDUCTION = TypeAdapter(Reduction)
 _RESIDUALS = TypeAdapter(dict[str, Residual])

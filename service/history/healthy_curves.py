@@ -7,7 +7,7 @@ from pydantic import Field
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
-from detectors.type_correction import HealthyCurve, HealthyPoint
+from detectors.expectation.type_correction import HealthyCurve, HealthyPoint
 from service.bodies import Body
 from service.storage.tables import ReferenceCurve
 

@@ -8,8 +8,8 @@ from typing import Any, TypeAlias, TypeVar
 from sqlalchemy import ColumnElement, Row, or_, select
 from sqlalchemy.orm import Session
 
-from detectors.flights import Outline
-from detectors.observation import Maintenance, Observation
+from detectors.words.flights import Outline
+from detectors.words.observation import Maintenance, Observation
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
 from service.history.archive import Archive
 from service.history.healthy_curves import healthy_curve

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from detectors.flights import Outline
-from detectors.observation import Maintenance, Observation
-from detectors.type_correction import HealthyCurve
+from detectors.expectation.type_correction import HealthyCurve
+from detectors.words.flights import Outline
+from detectors.words.observation import Maintenance, Observation
 from service.history.setting import Setting
 from twin.parameters import PumpType
 

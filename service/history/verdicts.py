@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from detectors.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
-from detectors.wording import advice
+from detectors.judgement.wording import advice
+from detectors.words.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
 from service.history.codec import verdict_to_json
 from service.thresholds.layers import Effective
 from twin.parameters import PumpType

@@ -9,8 +9,8 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-from detectors.flights import roles_of
-from detectors.snapshot import judge_version
+from detectors.judgement.snapshot import judge_version
+from detectors.words.flights import roles_of
 from service.history import codec
 from service.history.known import Known, PlacedRecord, pieces
 from service.monitoring import fold

@@ -4,11 +4,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from detectors.assessment import Fold
-from detectors.flights import roles_of
-from detectors.observation import History
-from detectors.snapshot import snapshot
-from detectors.verdict import Assessment, Verdict
+from detectors.judgement.assessment import Fold
+from detectors.judgement.snapshot import snapshot
+from detectors.words.flights import roles_of
+from detectors.words.observation import History
+from detectors.words.verdict import Assessment, Verdict
 from service.history.known import Known, Observations, PlacedRecord, pieces
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from detectors.verdict import Assessment
+from detectors.words.verdict import Assessment
 from service.alarms.ledger import follow
 from service.history.analysis import keep_analysis
 from service.history.archive import Archive

@@ -6,7 +6,7 @@ import structlog
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from detectors.snapshot import fold_from
+from detectors.judgement.snapshot import fold_from
 from service.history.known import Known
 from service.monitoring.fold import Start, Step
 from service.storage.tables import FoldSnapshot

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from detectors.verdict import FAULTS, SIDE_OF, State
+from detectors.words.verdict import FAULTS, SIDE_OF, State
 from service.access.security import Principal
 from service.storage.tables import Finding, Pump, StoredAssessment
 from service.storage.tables.history import NO_FAULT_FOUND

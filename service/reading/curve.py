@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from sqlalchemy.orm import Session
 
-from detectors.curve import AXES, Curve, damage_identification_curve, latest_condition
+from detectors.curve.points import AXES, Curve, damage_identification_curve, latest_condition
 from service.history.analysis import observation_of
 from service.history.knowledge import counting_records, setting_of
 from service.history.placement import Place

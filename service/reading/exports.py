@@ -12,7 +12,7 @@ from typing import Any
 
 from sqlalchemy import Select, select, tuple_
 
-from detectors.verdict import TREND_METRICS
+from detectors.words.verdict import TREND_METRICS
 from service.access.security import Principal
 from service.errors import NotFound, UnknownType
 from service.storage.database import Database

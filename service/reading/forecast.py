@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from sqlalchemy.orm import Session
 
-from detectors.prognosis import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoForecast, forecast
-from detectors.verdict import State
+from detectors.prognosis.passage import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoForecast, forecast
+from detectors.words.verdict import State
 from service.history.knowledge import installation_intervals
 from service.history.placement import changes
 from service.reading import queries

@@ -6,7 +6,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from detectors.verdict import TREND_METRICS
+from detectors.words.verdict import TREND_METRICS
 from service.errors import Fault, Invalid
 from service.reading import queries
 from service.storage.tables import Pump, StoredAssessment

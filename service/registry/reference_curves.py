@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
-from detectors.type_correction import followed
+from detectors.expectation.type_correction import followed
 from service.bodies import Body
 from service.errors import Fault, Invalid
 from service.history.healthy_curves import MeasuredPoint, judged_curve

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from detectors.svg import ACCENT, BAND, QUIET, Frame, axes, document, line, padded, path, text
+from detectors.curve.svg import ACCENT, BAND, QUIET, Frame, axes, document, line, padded, path, text
 
 WIDTH, HEIGHT = 820, 250
 _SPARK = (120, 28)

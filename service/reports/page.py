@@ -7,7 +7,7 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
-from detectors.verdict import TREND_METRICS
+from detectors.words.verdict import TREND_METRICS
 from service import __version__
 from service.reports.charts import trend_svg
 from service.reports.content import Period

@@ -7,8 +7,8 @@ from typing import Any
 
 from sqlalchemy import select
 
-from detectors.population import Posterior, Spread, learnt, posterior_of
-from detectors.snapshot import fold_from
+from detectors.judgement.population import Posterior, Spread, learnt, posterior_of
+from detectors.judgement.snapshot import fold_from
 from service.errors import Fault, Invalid
 from service.history.archive import Archive
 from service.history.knowledge import knowledge

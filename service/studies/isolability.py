@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 from rich.table import Table
 
-from detectors.isolability import Isolability, isolability
-from detectors.isolability_plan import Plan, PlanFaultsError, plan_faults, sensors_of
-from detectors.isolability_svg import isolability_svg
-from detectors.isolability_table import case_sensor
+from detectors.isolability.bounds import Isolability, isolability
+from detectors.isolability.picture import isolability_svg
+from detectors.isolability.plan import Plan, PlanFaultsError, plan_faults, sensors_of
+from detectors.isolability.table import case_sensor
 from service.studies.isolability_document import isolability_document
 from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
 from twin.pumps.circuits import CIRCUITS

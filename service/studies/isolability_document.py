@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from detectors.isolability import FaultBound, Isolability
-from detectors.verdict import SIDE_OF
+from detectors.isolability.bounds import FaultBound, Isolability
+from detectors.words.verdict import SIDE_OF
 
 
 def isolability_document(found: Isolability) -> dict[str, Any]:

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from detectors.assessment import assess
-from detectors.curve import Curve, damage_identification_curve, latest_condition
-from detectors.observation import History, Observation, Residual
-from detectors.reduction import reduce_recording
-from detectors.residuals import window_residuals
-from detectors.thresholds import effective
-from detectors.verdict import Assessment
+from detectors.curve.points import Curve, damage_identification_curve, latest_condition
+from detectors.expectation.residuals import window_residuals
+from detectors.judgement.assessment import assess
+from detectors.reduction.recording import reduce_recording
+from detectors.words.observation import History, Observation, Residual
+from detectors.words.thresholds import effective
+from detectors.words.verdict import Assessment
 from service.errors import Problem
 from service.history.setting import DEFAULT_CIRCUIT
 from service.ingest.decode import DEFAULT_PUMP_TYPE, Limits, decode

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import ColumnElement, and_, func, select, text
 from sqlalchemy.orm import Session
 
-from detectors.thresholds import KEYS, effective, threshold_faults
+from detectors.words.thresholds import KEYS, effective, threshold_faults
 from service.access import audit
 from service.access.security import Principal
 from service.errors import Fault, Invalid, NotFound, PreconditionRequired, StaleVersion

@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from detectors.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
+from detectors.words.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
 from twin.condition import Condition, Health, input_rows
 from twin.operating_point import operating_points
 from twin.pumps import circuit_parameters, pump_type

@@ -7,10 +7,10 @@ from datetime import timedelta
 
 import pytest
 
-from detectors.assessment import assess
-from detectors.observation import History, Maintenance
-from detectors.thresholds import effective
-from detectors.verdict import ESTIMATES, FAULTS, Assessment, Side, State
+from detectors.judgement.assessment import assess
+from detectors.words.observation import History, Maintenance
+from detectors.words.thresholds import effective
+from detectors.words.verdict import ESTIMATES, FAULTS, Assessment, Side, State
 from tests.detectors.fleet import CIRCUIT, PUMP, history
 from tests.detectors.fleet import FAULTS as SIMULATED
 

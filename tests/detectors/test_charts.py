@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from detectors.charts import (
+from benchmarks.charts import (
     Chart,
     Cusum,
     EvidenceChart,
@@ -20,7 +20,6 @@ from detectors.charts import (
     calibrated_threshold,
     cusum_arl,
     cusum_threshold,
-    evidence_threshold,
     ewma_arl,
     ewma_threshold,
     glr_arl,
@@ -29,6 +28,7 @@ from detectors.charts import (
     run,
     siegmund_arl,
 )
+from detectors.evaluation.delays import evidence_threshold
 
 ARL = 500.0
 SHIFT = 1.0

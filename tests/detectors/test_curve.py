@@ -5,9 +5,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from detectors.curve import damage_identification_curve, latest_condition
-from detectors.curve_svg import curve_svg
-from detectors.svg import ticks
+from detectors.curve.picture import curve_svg
+from detectors.curve.points import damage_identification_curve, latest_condition
+from detectors.curve.svg import ticks
 from tests.detectors.fleet import CIRCUIT, FAULTS, PUMP, history
 from twin.condition import Condition, Health
 from twin.operating_point import operating_point

@@ -40,8 +40,8 @@ from detectors.evaluation.sensing import HOURS_PER_FLIGHT, Sensing
 from detectors.evaluation.study import STATES, Outcome, chunks, joined, judged
 from detectors.evaluation.summary import ALL_REALITIES, ROC_AREA, pooled, row_result, side_confusion
 from detectors.evaluation.targets import TARGETS, Finding, Scope, Target, findings
-from detectors.thresholds import effective
-from detectors.verdict import ESTIMATES, FAULTS, Side, State
+from detectors.words.thresholds import effective
+from detectors.words.verdict import ESTIMATES, FAULTS, Side, State
 from twin.condition import INPUTS
 from twin.pumps import circuit_parameters, pump_type
 

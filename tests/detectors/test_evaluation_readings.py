@@ -6,6 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from detectors.bank.bank import ARRIVAL_KINDS, Bank
+from detectors.bank.hypotheses import FAULT_KINDS, log_hazards
+from detectors.bank.regulation import LOG_HAZARD
 from detectors.evaluation.calibration import N_FINE, Reliability, calibration, calibration_error, equal_mass
 from detectors.evaluation.delays import (
     ALARM,
@@ -52,11 +55,8 @@ from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.small_steps import chart_threshold, judged_in_class
 from detectors.evaluation.study import Outcome
 from detectors.evaluation.truth import is_worth_a_word, since_installation
-from detectors.filter_bank import ARRIVAL_KINDS, Bank
-from detectors.regulation import LOG_HAZARD
-from detectors.state_model import FAULT_KINDS, log_hazards
-from detectors.thresholds import effective
-from detectors.verdict import ESTIMATES, State
+from detectors.words.thresholds import effective
+from detectors.words.verdict import ESTIMATES, State
 from service.studies.evaluation.forecasts import with_forecasts
 from tests.detectors.test_evaluation import H, N, P, outcome, row
 from twin.condition import INPUTS

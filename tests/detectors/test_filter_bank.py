@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.assessment import assess
-from detectors.components import AMPLITUDE, INDEX
-from detectors.filter_bank import ARRIVAL_KINDS, Bank
-from detectors.filter_kernel import CASE_RIPPLE, LINE, RIPPLE
-from detectors.measurement import measured_windows
-from detectors.observation import History, Observation
-from detectors.signature import ChannelSpectrum, OrderLine, Spectrum
-from detectors.state_model import FAULT_KINDS, GONE, prior
-from detectors.thresholds import effective
-from detectors.verdict import State
+from detectors.bank.bank import ARRIVAL_KINDS, Bank
+from detectors.bank.hypotheses import FAULT_KINDS, GONE, prior
+from detectors.bank.kernel import CASE_RIPPLE, LINE, RIPPLE
+from detectors.bank.measurement import measured_windows
+from detectors.expectation.components import AMPLITUDE, INDEX
+from detectors.judgement.assessment import assess
+from detectors.words.observation import History, Observation
+from detectors.words.signature import ChannelSpectrum, OrderLine, Spectrum
+from detectors.words.thresholds import effective
+from detectors.words.verdict import State
 from tests.detectors.fleet import CIRCUIT, PUMP, history
 from tests.detectors.fleet import FAULTS as SIMULATED
 

@@ -6,23 +6,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.assessment import assess
-from detectors.components import LOAD_LPM, N_LINES, N_SLOW, N_STATE, PLACE
+from detectors.bank.bank import Bank
+from detectors.bank.hypotheses import FAULT_KINDS
+from detectors.bank.kernel import CASE, DISCHARGE, ZERO
+from detectors.bank.measurement import measured_windows
 from detectors.evaluation.ground_runs import GroundRuns
 from detectors.evaluation.reality import REALITIES, Reality, fleet
 from detectors.evaluation.rows import Faults, Growing, NoFault
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
-from detectors.filter_bank import Bank
-from detectors.filter_kernel import CASE, DISCHARGE, ZERO
-from detectors.load_steps import droop_from_rest
-from detectors.measurement import measured_windows
-from detectors.observation import History, Mean, Observation, Window, WindowKind
-from detectors.reduction import reduce_recording
-from detectors.signature import Droop
-from detectors.state_model import FAULT_KINDS
-from detectors.thresholds import effective
-from detectors.verdict import Side
+from detectors.expectation.components import LOAD_LPM, N_LINES, N_SLOW, N_STATE, PLACE
+from detectors.judgement.assessment import assess
+from detectors.reduction.load_steps import droop_from_rest
+from detectors.reduction.recording import reduce_recording
+from detectors.words.observation import History, Mean, Observation, Window, WindowKind
+from detectors.words.signature import Droop
+from detectors.words.thresholds import effective
+from detectors.words.verdict import Side
 from tests.detectors.fleet import CIRCUIT, PUMP, history
 from twin.condition import Condition, Health
 from twin.operating_point import operating_point

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from detectors.isolability import Isolability, inner_products, isolability
-from detectors.isolability_model import LARGEST_LEAKAGE_LPM, Model, model_of, temperatures
-from detectors.isolability_plan import Plan, PlanFaultsError, Sensors, sensors_of
-from detectors.isolability_svg import isolability_svg, sensor_svg
-from detectors.isolability_table import case_sensor, sensor_table
-from detectors.state_model import FAULT_KINDS, directions
-from detectors.verdict import Side, State
+from detectors.bank.hypotheses import FAULT_KINDS, directions
+from detectors.isolability.bounds import Isolability, inner_products, isolability
+from detectors.isolability.model import LARGEST_LEAKAGE_LPM, Model, model_of, temperatures
+from detectors.isolability.picture import isolability_svg, sensor_svg
+from detectors.isolability.plan import Plan, PlanFaultsError, Sensors, sensors_of
+from detectors.isolability.table import case_sensor, sensor_table
+from detectors.words.verdict import Side, State
 from twin.condition import Condition, Health
 from twin.operating_point import operating_point
 from twin.parameters import Sensor

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from detectors.isolation import Alarm, Decision, Evidence, decided
-from detectors.thresholds import effective
-from detectors.verdict import FAULTS, State
+from detectors.judgement.isolation import Alarm, Decision, Evidence, decided
+from detectors.words.thresholds import effective
+from detectors.words.verdict import FAULTS, State
 
 P, C, L, D, S = FAULTS
 THRESHOLDS = effective({"side_records": 3.0, "alarm_records": 2.0})

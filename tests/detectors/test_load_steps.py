@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from detectors.load_steps import droop_from_rest, load_steps
+from detectors.reduction.load_steps import droop_from_rest, load_steps
 from twin.condition import Condition
 from twin.operating_point import operating_point
 from twin.pumps import circuit_parameters, pump_type

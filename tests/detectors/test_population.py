@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.assessment import Fold, outline_of
-from detectors.components import N_STATE, PLACE
+from detectors.bank.hypotheses import prior
 from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.sensing import Sensing, histories
-from detectors.flights import roles_of
-from detectors.population import FEWEST_PUMPS, Posterior, learnt, posterior_of
-from detectors.state_model import prior
-from detectors.thresholds import effective
+from detectors.expectation.components import N_STATE, PLACE
+from detectors.judgement.assessment import Fold, outline_of
+from detectors.judgement.population import FEWEST_PUMPS, Posterior, learnt, posterior_of
+from detectors.words.flights import roles_of
+from detectors.words.thresholds import effective
 from tests.detectors.fleet import CIRCUIT, FAULTS, PUMP, history
 
 MEAN, SD = prior(PUMP)

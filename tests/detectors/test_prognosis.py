@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import invgauss
 
-from detectors.prognosis import Forecast, LevelEstimate, NoForecast, _crossed, forecast
+from detectors.prognosis.passage import Forecast, LevelEstimate, NoForecast, _crossed, forecast
 
 LIMIT = 1.5
 

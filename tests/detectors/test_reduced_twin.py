@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from detectors import components as c
-from detectors.anchor import COLUMN, anchors
-from detectors.reduced_twin import nominal_pressures, pressures
+from detectors.expectation import components as c
+from detectors.expectation.anchor import COLUMN, anchors
+from detectors.expectation.reduced_twin import nominal_pressures, pressures
 from twin.condition import Condition, Health, input_rows
 from twin.operating_point import operating_points
 from twin.pumps import circuit_parameters, pump_type

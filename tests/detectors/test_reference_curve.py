@@ -5,7 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from detectors.reference_curve import Departure, OutsideRange, Reference, ReferenceCurve, Regressor, fit_reference
+from detectors.expectation.reference_curve import (
+    Departure,
+    OutsideRange,
+    Reference,
+    ReferenceCurve,
+    Regressor,
+    fit_reference,
+)
 
 PRESSURE = Regressor("discharge_pressure_bar", "bar", scale=2.0, margin=0.5, degree=2)
 TEMPERATURE = Regressor("fluid_temperature_degc", "degC", scale=10.0, margin=3.0)

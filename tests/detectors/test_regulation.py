@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.assessment import assess
-from detectors.measurement import measured_windows
-from detectors.observation import History, Maintenance
-from detectors.reduction import reduce_recording
-from detectors.regulation import N_FEATURES, Feature, Regulation
-from detectors.spectrum import spectrum
-from detectors.thresholds import effective
-from detectors.verdict import State
+from detectors.bank.measurement import measured_windows
+from detectors.bank.regulation import N_FEATURES, Feature, Regulation
+from detectors.judgement.assessment import assess
+from detectors.reduction.recording import reduce_recording
+from detectors.reduction.spectrum import spectrum
+from detectors.words.observation import History, Maintenance
+from detectors.words.thresholds import effective
+from detectors.words.verdict import State
 from tests.detectors.fleet import CIRCUIT, PUMP, history
 from twin.condition import Condition
 from twin.recording import Recording

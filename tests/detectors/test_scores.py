@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from detectors.scores import (
+from detectors.evaluation.scores import (
     alpha_lambda,
     bootstrap,
     calibration_error,

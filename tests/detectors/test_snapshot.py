@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from detectors.assessment import MAINTENANCE_RESETS, Fold, assess
 from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.rows import LEAKS, Growing
 from detectors.evaluation.sensing import Sensing, histories
-from detectors.flights import outline_of, roles_of
-from detectors.observation import History, Maintenance, Observation
-from detectors.snapshot import fold_from, snapshot
-from detectors.thresholds import effective
+from detectors.judgement.assessment import MAINTENANCE_RESETS, Fold, assess
+from detectors.judgement.snapshot import fold_from, snapshot
+from detectors.words.flights import outline_of, roles_of
+from detectors.words.observation import History, Maintenance, Observation
+from detectors.words.thresholds import effective
 from tests.detectors.fleet import CIRCUIT, FAULTS, PUMP, history
 
 THRESHOLDS = effective({})

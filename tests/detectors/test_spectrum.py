@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.reduction import reduce_recording
-from detectors.signature import Spectrum
-from detectors.spectrum import PRESSURES, spectrum
-from detectors.thresholds import effective
+from detectors.reduction.recording import reduce_recording
+from detectors.reduction.spectrum import PRESSURES, spectrum
+from detectors.words.signature import Spectrum
+from detectors.words.thresholds import effective
 from service.history.codec import reduction_from_json, reduction_to_json
 from twin.burst import amplitude_error, measured_amplitudes, resolution_of
 from twin.condition import Condition

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from detectors.statistics import block_means, correlation_time, mean_with_error, without_spikes
+from detectors.reduction.statistics import block_means, correlation_time, mean_with_error, without_spikes
 
 
 def ar1(rng: np.random.Generator, n: int, phi: float) -> np.ndarray:

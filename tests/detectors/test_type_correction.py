@@ -5,11 +5,11 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
-from detectors.assessment import assess
-from detectors.measurement import measured_windows
-from detectors.observation import History, Observation, Residual
-from detectors.thresholds import effective
-from detectors.type_correction import HealthyCurve, HealthyPoint, followed
+from detectors.bank.measurement import measured_windows
+from detectors.expectation.type_correction import HealthyCurve, HealthyPoint, followed
+from detectors.judgement.assessment import assess
+from detectors.words.observation import History, Observation, Residual
+from detectors.words.thresholds import effective
 from tests.detectors.fleet import CIRCUIT, PUMP, history
 from twin.condition import Condition, Health, input_rows
 from twin.operating_point import operating_points

@@ -5,10 +5,10 @@ import time as clock
 import numpy as np
 import pytest
 
-from detectors.observation import Window, WindowKind
-from detectors.reduction import reduce_recording
-from detectors.thresholds import effective
-from detectors.windows import steady_windows
+from detectors.reduction.recording import reduce_recording
+from detectors.reduction.windows import steady_windows
+from detectors.words.observation import Window, WindowKind
+from detectors.words.thresholds import effective
 from twin.pumps import pump_type
 from twin.recording import Recording
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from detectors.observation import Observation
+from detectors.words.observation import Observation
 from service.context import Context
 from service.history.analysis import analysis_key
 from service.history.codec import reduction_to_json

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from detectors.verdict import TREND_METRICS
+from detectors.words.verdict import TREND_METRICS
 from service.access.security import new_key
 from service.demo.fleet import DemoRecord
 from service.settings import Settings

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from detectors.reduction import reduce_recording
-from detectors.thresholds import effective
+from detectors.reduction.recording import reduce_recording
+from detectors.words.thresholds import effective
 from service.demo.fleet import PUMPS, Truth, is_right, pump_records
 from service.ingest.decode import Limits, decode
 from twin.condition import Condition

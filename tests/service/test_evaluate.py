@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.rows import HEALTHY, PLAIN_ROWS, Growing, Row
-from detectors.verdict import State
+from detectors.words.verdict import State
 from service.cli import app
 from service.studies.evaluation import store
 from service.studies.evaluation.numbers import study_json

@@ -8,7 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import update
 
-from detectors.verdict import TREND_METRICS
+from detectors.words.verdict import TREND_METRICS
 from service.alarms.ledger import follow
 from service.storage.tables import Record, StoredAssessment
 from service.thresholds.layers import thresholds_of

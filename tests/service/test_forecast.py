@@ -9,7 +9,7 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import select
 
-from detectors.prognosis import Forecast, NoForecast
+from detectors.prognosis.passage import Forecast, NoForecast
 from service.reading.forecast import SPACING, TrendPoint, forecast_of_trend
 from service.settings import Settings
 from service.storage.database import Database

@@ -8,8 +8,8 @@ import pytest
 from fastapi.testclient import TestClient
 from typer.testing import CliRunner
 
-from detectors.isolability import isolability
-from detectors.isolability_plan import Plan, sensors_of
+from detectors.isolability.bounds import isolability
+from detectors.isolability.plan import Plan, sensors_of
 from service.cli import app
 from service.settings import Settings
 from service.web.app import create_app

@@ -6,12 +6,12 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from detectors.assessment import assess
-from detectors.flights import outline_of
-from detectors.observation import History, Observation, Reduction
-from detectors.reduction import reduce_recording
-from detectors.thresholds import effective
-from detectors.verdict import Assessment
+from detectors.judgement.assessment import assess
+from detectors.reduction.recording import reduce_recording
+from detectors.words.flights import outline_of
+from detectors.words.observation import History, Observation, Reduction
+from detectors.words.thresholds import effective
+from detectors.words.verdict import Assessment
 from service.history.known import Known, PlacedRecord
 from service.history.placement import Interval, changes, place_at
 from service.history.setting import Setting, setting_at

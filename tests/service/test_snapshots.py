@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from sqlalchemy import select
 from structlog.testing import capture_logs
 
-from detectors.observation import Observation
+from detectors.words.observation import Observation
 from service.alarms.ledger import points_of
 from service.context import Context
 from service.history import knowledge

@@ -33,7 +33,7 @@ flights = list(pump_records(PUMPS[0], 16, seed=1))
 with TestClient(create_app(settings)) as client:
     before = compiled()
     assert before["twin.simulation.loop.run_loop"] == 1
-    assert before["detectors.filter_kernel.step"] == 1
+    assert before["detectors.bank.kernel.step"] == 1
     for flight in flights:
         answer = client.post(f"{API}/records", content=flight.content, headers={"content-type": "text/csv"})
         assert answer.status_code == 201

@@ -39,7 +39,7 @@ class Installation(Entry, Base):
 
 
 class MaintenanceEvent(Entry, Base):
-    """Something done that resets what it touches; ``action`` in the words of ``detectors.assessment``."""
+    """Something done that resets what it touches; ``action`` in the words of ``detectors.judgement.assessment``."""
 
     __tablename__ = "maintenance_events"
 

@@ -9,7 +9,7 @@ from service.storage.tables.base import Base
 
 
 class FoldSnapshot(Base):
-    """One snapshot of ``detectors.snapshot``, taken after the pump's first ``records`` records.
+    """One snapshot of ``detectors.judgement.snapshot``, taken after the pump's first ``records`` records.
 
     ``chain`` names everything that it was folded from (``service.monitoring.chain``): where the pump's history has
     another link at that place the snapshot is worthless, and nobody needs to say so. ``since`` is the verdict's.

@@ -7,8 +7,8 @@ import numpy as np
 from detectors.evaluation.lives import asked_records
 from detectors.evaluation.sensing import HOURS_PER_FLIGHT
 from detectors.evaluation.study import STATES, Outcome
-from detectors.prognosis import NoForecast
-from detectors.verdict import ESTIMATES, State
+from detectors.prognosis.passage import NoForecast
+from detectors.words.verdict import ESTIMATES, State
 from service.reading.forecast import METRIC, Z_90, TrendPoint, forecast_of_trend
 
 

@@ -9,10 +9,10 @@ import numpy as np
 from detectors.evaluation.calibration import N_BINS, Calibration, Reliability, equal_mass, mean_shares
 from detectors.evaluation.operating import OperatingCurve
 from detectors.evaluation.reality import DIFFERENCES, REALITIES
+from detectors.evaluation.scores import Roc, Score
 from detectors.evaluation.summary import RowResult, side_confusion
 from detectors.evaluation.targets import NOT_SIMULATED, Finding
-from detectors.scores import Roc, Score
-from detectors.verdict import Side
+from detectors.words.verdict import Side
 from service import __version__
 from service.studies.evaluation.run import Results
 from twin.pumps import pump_type

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from detectors.evaluation.reality import REALITIES, Reality
 from detectors.evaluation.rows import BURST, ROWS, Row
 from detectors.evaluation.study import chunks
-from detectors.thresholds import effective
+from detectors.words.thresholds import effective
 
 _MARGIN = 1.01
 """Flights drop out by chance: a little more than the mean makes sure of the wanted records."""

@@ -24,6 +24,7 @@ from detectors.evaluation.lives import LAMBDAS, covered_at, error_at, given_at, 
 from detectors.evaluation.operating import DELAY_AT_ONE, DETECTED_AT_ONE, THRESHOLD_AT_ONE
 from detectors.evaluation.reality import DIFFERENCES
 from detectors.evaluation.rows import BURST
+from detectors.evaluation.scores import Score
 from detectors.evaluation.scoring import (
     ACCUSED,
     COVERED,
@@ -53,8 +54,7 @@ from detectors.evaluation.summary import (
     side_confusion,
 )
 from detectors.evaluation.targets import NOT_SIMULATED, Finding, Target
-from detectors.scores import Score
-from detectors.verdict import FAULTS, Side, State
+from detectors.words.verdict import FAULTS, Side, State
 from service import __version__
 from service.studies.evaluation.plots import Reading, reliability_plot, row_plots
 from service.studies.evaluation.run import Results

@@ -14,8 +14,8 @@ from detectors.evaluation.small_steps import judged_in_class
 from detectors.evaluation.study import Outcome, joined, judged
 from detectors.evaluation.summary import Pooled, RowResult, pooled, row_result
 from detectors.evaluation.targets import Finding, findings
-from detectors.thresholds import effective
-from detectors.verdict import State
+from detectors.words.thresholds import effective
+from detectors.words.verdict import State
 from service.studies.evaluation import store
 from service.studies.evaluation.forecasts import with_forecasts
 from service.studies.evaluation.plan import Chunk, Study, chunks_of

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from detectors.evaluation.study import Outcome
-from detectors.thresholds import effective
+from detectors.words.thresholds import effective
 from service.studies.evaluation.plan import Chunk
 from twin.pumps import pump_type
 from twin.sources import sources_hash
@@ -56,7 +56,9 @@ def _path(folder: Path, chunk: Chunk) -> Path:
 @functools.cache
 def _forecast_sources() -> str:
     """Hash of what forecasts are made by."""
-    return sources_hash("detectors.prognosis", "service.reading.forecast", "service.studies.evaluation.forecasts")
+    return sources_hash(
+        "detectors.prognosis.passage", "service.reading.forecast", "service.studies.evaluation.forecasts"
+    )
 
 
 @functools.cache

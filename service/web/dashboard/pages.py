@@ -12,8 +12,8 @@ from markupsafe import Markup, escape
 from sqlalchemy.orm import Session
 from starlette.staticfiles import StaticFiles
 
-from detectors.curve_svg import curve_svg
-from detectors.verdict import FAULTS, TREND_METRICS, State
+from detectors.curve.picture import curve_svg
+from detectors.words.verdict import FAULTS, TREND_METRICS, State
 from service import __version__
 from service.access.security import Principal
 from service.alarms import reading

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
-from detectors.verdict import TREND_METRICS
+from detectors.words.verdict import TREND_METRICS
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
 from service.reading.fleet import fleet, pump_documents

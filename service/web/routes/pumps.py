@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
 
-from detectors.curve_svg import curve_svg
-from detectors.verdict import TREND_METRICS
+from detectors.curve.picture import curve_svg
+from detectors.words.verdict import TREND_METRICS
 from service.access import audit
 from service.errors import Conflict
 from service.monitoring.refold import verdict_known_at

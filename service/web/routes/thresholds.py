@@ -7,7 +7,7 @@ from fastapi import APIRouter, BackgroundTasks, Header, Response
 from pydantic import ConfigDict, Field, FiniteFloat
 from sqlalchemy.orm import Session
 
-from detectors.thresholds import KEYS
+from detectors.words.thresholds import KEYS
 from service.access.security import Principal
 from service.bodies import Body
 from service.errors import Forbidden, NotFound, TooLarge

@@ -5,9 +5,9 @@ from typing import Annotated, Any
 from fastapi import APIRouter
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
-from detectors.isolability import isolability
-from detectors.isolability_plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
-from detectors.isolability_table import REPEATABILITY_SHARE
+from detectors.isolability.bounds import isolability
+from detectors.isolability.plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
+from detectors.isolability.table import REPEATABILITY_SHARE
 from service.errors import Fault, Invalid
 from service.pump_types.parameter_sets import find_type, types
 from service.studies.isolability_document import isolability_document

@@ -1,0 +1,400 @@
+"""A bank of extended Kalman filters, one per hypothesis, shape and onset, all with the twin inside.
+
+Each filter keeps its own state, its own robust weights and its own evidence: weights taken from a common healthy
+filter would kill the very evidence that a fault brings. Predictive densities are Student-t (5 degrees of
+freedom), so that one outlier costs a hypothesis a bounded amount.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.bank.hypotheses import (
+    FAULT_KINDS,
+    FREE_SETTING_WALK_BAR,
+    GONE,
+    MEASURED_RESERVOIR_SD_BAR,
+    N_KINDS,
+    UNMEASURED_RESERVOIR_WALK_BAR,
+    directions,
+    kind_scales,
+    log_hazards,
+    prior,
+    walk_variance,
+)
+from detectors.bank.kernel import N_MEASURED, ZERO, advance, step
+from detectors.bank.refit import fit_anew
+from detectors.bank.regulation import N_FEATURES, Regulation
+from detectors.bank.summary import ARRIVAL, RAMP, STEP, spawned
+from detectors.expectation.anchor import COLUMN
+from detectors.expectation.components import AMPLITUDE, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
+from detectors.words.verdict import State
+from twin.parameters import PumpType
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+HEALTHY = -1
+SPAWN_EVERY = 4
+_MOST_STEPS, _MOST_RAMPS = 5, 4
+"""Onsets of one kind that are kept: where a ramp began matters less than where a step stood."""
+_FIRST_RECORDS = 5
+_FIRST_ITERATIONS = 3
+_FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
+"""Records after which every filter is fitted to its whole history anew (``detectors.bank.refit``)."""
+_LONG, _HOPELESS = 24, -1.0
+"""Records from which on only those are fitted anew that the data make no less likely than this [nat] against the healthy
+pump: more than half of all filters lie below."""
+_UNSEEN = np.full(N_FEATURES, np.nan)
+_UNSEEN.flags.writeable = False
+ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
+ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
+"""Mean and spread of what a pump leaks on top that arrives worn: the limit lies 0.2 above the nominal pump's case flow."""
+ARRIVAL_RECORDS = 40
+"""Records after which a pump that is not likelier to have come worn is one of the population for good."""
+ARRIVAL_FLOOR_LPM = 0.5
+"""Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
+_LOG_ARRIVAL = float(np.log(0.04))
+"""Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
+RAMP_RECORDS = 30.0
+"""Records in which a ramp of one sigma grows by a fault's scale: fits 0.04 L/min a flight, and does not punish 0.004 (estimate)."""
+_LOG_PRIORS = np.vstack((log_hazards(), np.full(N_KINDS, _LOG_ARRIVAL)))
+_AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
+"""Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
+_RATE_WALK = 0.05
+"""Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
+_CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
+
+DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
+"""What each kind of fault moves per unit of amplitude, zeros for the healthy pump last, shape (N_KINDS + 1, N_COMPONENTS)."""
+_MOST_PASSES = 6
+_MOST_ONSETS = np.array(
+    [
+        [_MOST_STEPS * (k.sudden is not None) for k in FAULT_KINDS],
+        [_MOST_RAMPS * (k.growing is not None) for k in FAULT_KINDS],
+    ]
+)
+_MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
+_IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
+_BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
+_BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
+_OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
+_SCALES = np.append(kind_scales(), 0.0)
+_AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
+_RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
+_RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
+_SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
+"""Walks from record to record by shape and kind, the healthy pump last."""
+_WARMTH, _LOAD, _LEAST_LOAD_LPM = COLUMN["warmth"], COLUMN["load_flow"], 1.0
+_WALK = walk_variance()
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One window's numbers with their noise.
+
+    Attributes
+    ----------
+    values, noise
+        Discharge pressure, case pressure and zero [bar], order n of both pressures over the twin's [-], line at once
+        per revolution of discharge pressure [bar], shape (6,), and their covariance, shape (6, 6).
+    seen
+        Which of them were measured, in rising order, shape (k,).
+    anchor, ripple
+        The nominal twin at the window's condition (``detectors.expectation.anchor``), and how its order n of either pressure
+        answers to each component, shape (2, N_COMPONENTS).
+    reservoir_measured
+        False where the pump type's nominal reservoir pressure stands in for a sensor.
+    regulation
+        Logarithms of how the pressure is regulated (``detectors.bank.regulation``), NaN where not seen, shape (N_FEATURES,).
+    """
+
+    values: Array
+    noise: Array
+    seen: Integers
+    anchor: Array
+    ripple: Array
+    reservoir_measured: bool
+    regulation: Array = field(default_factory=lambda: _UNSEEN)
+
+
+@dataclass(slots=True)
+class Bank:
+    """Filters side by side; the first is the healthy hypothesis. Changed in place by its methods.
+
+    Attributes
+    ----------
+    mean, covariance
+        Shapes (M, N_STATE) and (M, N_STATE, N_STATE); the first ``n`` rows count.
+    kind, shape, onset
+        Index into ``FAULT_KINDS`` (-1: healthy), ``STEP`` or ``RAMP``, and the record number at which the fault
+        sets in, shape (M,).
+    alive
+        How much of the state is alive: N_SLOW as long as the history held no line, N_LINES no window under load, all.
+    log_evidence
+        Log of prior times product of predictive densities, shape (M,).
+    setting_at_onset
+        The setting when the fault set in, shape (M,).
+    """
+
+    pump: PumpType
+    mean: Array = field(default_factory=lambda: np.zeros((_CAPACITY, N_STATE)))
+    covariance: Array = field(default_factory=lambda: np.zeros((_CAPACITY, N_STATE, N_STATE)))
+    kind: Integers = field(default_factory=lambda: np.full(_CAPACITY, HEALTHY))
+    shape: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
+    onset: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
+    log_evidence: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
+    setting_at_onset: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
+    alive: int = N_SLOW
+    lines_seen: bool = False
+    n: int = 1
+    records: int = 0
+    reservoir_measured: bool = True
+    learnt: list[tuple[Measurement, ...]] = field(default_factory=list)
+    base_mean: Array = field(default_factory=lambda: np.zeros(N_STATE))
+    base_covariance: Array = field(default_factory=lambda: np.zeros((N_STATE, N_STATE)))
+    base_records: int = 0
+    regulation: Regulation = field(default_factory=Regulation)
+
+    def __post_init__(self) -> None:
+        """Start with the population's spread: the healthy pump, and those that arrive worn."""
+        names = [k.name for k in FAULT_KINDS]
+        self.n = 1 + len(ARRIVAL_KINDS)
+        for row in range(self.n):
+            if row > 0:
+                self.kind[row], self.shape[row] = names.index(ARRIVAL_KINDS[row - 1]), ARRIVAL
+            self._begin(row)
+        self.base_mean, self.base_covariance = self.mean[0].copy(), self.covariance[0].copy()
+
+    def _begin(self, row: int) -> None:
+        """Set a filter that is alive from the first record to its prior."""
+        mean, sd = prior(self.pump)
+        self.mean[row], self.covariance[row] = mean, np.diag(sd**2)
+        self.log_evidence[row] = 0.0
+        if self.shape[row] == ARRIVAL:
+            self.mean[row, AMPLITUDE], spread = ARRIVAL_LEAKAGE_LPM
+            self.covariance[row, AMPLITUDE, AMPLITUDE] = spread**2
+            self.log_evidence[row] = _LOG_ARRIVAL
+
+    def learn(self, measurements: tuple[Measurement, ...]) -> None:
+        """Take one record's windows: let time pass, weigh and update every filter."""
+        self._pass_time()
+        for measurement in measurements:
+            if measurement.reservoir_measured is not self.reservoir_measured:
+                self._set_reservoir(measurement.reservoir_measured)
+            iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
+            self._take(measurement, iterations)
+            self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
+        self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
+        self.records += 1
+        self.learnt.append(measurements)
+        self._accept()
+        if self.records - self.base_records in _FITTED_ANEW_AT:
+            if self.records - self.base_records >= _LONG:
+                self._keep(self._worth_a_fit())
+            self._fit_anew()
+        settled = self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0
+        # half a bar of unknown reservoir pressure is as much as a worn pump makes: without the sensor nobody can say
+        if settled or not self.reservoir_measured:
+            self._keep(np.flatnonzero(self.shape[: self.n] != ARRIVAL))
+
+    def _accept(self) -> None:
+        """Let the healthy pump go on from where a healthy change took it, once that is beyond doubt."""
+        n = self.n
+        if self.log_evidence[0] > -_BEYOND_DOUBT:
+            return  # nothing lies that far above the healthy pump
+        changed = np.flatnonzero(_IS_HEALTHY[self.kind[:n]] & (self.onset[:n] <= self.records - _BEYOND_DOUBT_RECORDS))
+        if not len(changed):
+            return
+        likeliest = changed[self.log_evidence[changed].argmax()]
+        gone = self.kind[likeliest] == GONE
+        # a fault that is gone leaves nothing of what was thought of it; a new fluid says nothing of other faults
+        rivals = np.flatnonzero(self.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
+        if self.log_evidence[likeliest] < self.log_evidence[rivals].max() + _BEYOND_DOUBT:
+            return
+        into = np.eye(N_STATE)
+        for name, share in FAULT_KINDS[self.kind[likeliest]].moves:
+            into[PLACE[name], AMPLITUDE] = share
+        into[AMPLITUDE] = into[RATE] = 0.0
+        self.mean[0] = into @ self.mean[likeliest]
+        self.covariance[0] = into @ self.covariance[likeliest] @ into.T
+        self.log_evidence[0] = self.log_evidence[likeliest]
+        self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
+        self._rebase()
+
+    def supplement(self, measurement: Measurement) -> None:
+        """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
+        self._take(measurement, 1)
+        self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
+        self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
+        self.learnt[-1] = (*self.learnt[-1], measurement)
+
+    def _worth_a_fit(self) -> Integers:
+        """Filters that the data do not speak against, and the oldest step of each kind: it says what would be found."""
+        kind, shape = self.kind[: self.n], self.shape[: self.n]
+        prior = np.where(kind == HEALTHY, 0.0, _LOG_PRIORS[shape, kind])
+        by_data = self.log_evidence[: self.n] - prior - self.log_evidence[0]
+        kept = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS)
+        steps, onset, oldest = shape == STEP, self.onset[: self.n], np.full(N_KINDS + 1, self.records)
+        np.minimum.at(oldest, kind[steps], onset[steps])
+        return np.flatnonzero(kept | (steps & (onset == oldest[kind])))
+
+    def _fit_anew(self) -> None:
+        """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""
+        n = self.n
+        kind = self.kind[:n]
+        rows = np.flatnonzero((kind == HEALTHY) | ((kind != GONE) & (self.onset[:n] >= self.base_records)))
+        held = self.log_evidence[0]
+        taken = [(i, m) for i, measurements in enumerate(self.learnt) for m in measurements]
+        seen = np.zeros((len(taken), N_MEASURED), dtype=np.bool_)
+        for place, (_, m) in enumerate(taken):
+            seen[place, m.seen] = True
+        amplitude, rate, setting = self._wander()
+        fit_anew(
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.shape,
+            self.onset,
+            self.log_evidence,
+            self.setting_at_onset,
+            rows,
+            self.base_mean,
+            self.base_covariance,
+            self.base_records,
+            _SCALES,
+            RAMP_RECORDS,
+            np.array(ARRIVAL_LEAKAGE_LPM),
+            _LOG_PRIORS,
+            self._walk(),
+            amplitude,
+            rate,
+            setting,
+            DIRECTIONS,
+            np.array([m.anchor for _, m in taken]),
+            np.array([m.ripple for _, m in taken]),
+            np.array([m.values for _, m in taken]),
+            np.array([m.noise for _, m in taken]),
+            seen,
+            np.array([self.base_records + i for i, _ in taken]),
+            self.alive,
+            _MOST_PASSES,
+        )
+        self.log_evidence[rows] += held - self.log_evidence[0]
+        self.log_evidence[:n] -= self.log_evidence[:n].max()
+
+    def _rebase(self) -> None:
+        """Let the history that fits go back to begin here; what set in before keeps the filter that it has."""
+        self.base_mean, self.base_covariance = self.mean[0].copy(), self.covariance[0].copy()
+        self.base_records = self.records
+        self.learnt.clear()
+
+    def _walk(self) -> Array:
+        if self.reservoir_measured:
+            return _WALK
+        walk = _WALK.copy()
+        walk[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
+        return walk
+
+    def _wander(self) -> tuple[Array, Array, Array]:
+        """Variance of each filter's amplitude, of its rate and of a setting that moves beside it, per record."""
+        kinds, shape = self.kind[: self.n], self.shape[: self.n]
+        return _AMPLITUDE_VARIANCE[shape, kinds], _RATE_VARIANCE[shape, kinds], _SETTING_VARIANCE[kinds]
+
+    def _pass_time(self) -> None:
+        """Let every component wander from the last record to the next."""
+        advance(self.mean, self.covariance, self.n, self._walk(), *self._wander())
+        self.regulation.pass_time()
+
+    def _take(self, measurement: Measurement, iterations: int) -> None:
+        lines, loaded = measurement.seen[-1] > ZERO, measurement.anchor[_LOAD] > _LEAST_LOAD_LPM
+        self.lines_seen = self.lines_seen or bool(lines)
+        self.alive = max(self.alive, N_STATE if loaded else N_LINES if lines else N_SLOW)
+        step(
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.log_evidence,
+            self.n,
+            DIRECTIONS,
+            measurement.anchor,
+            measurement.ripple,
+            measurement.values,
+            measurement.noise,
+            measurement.seen,
+            self.alive,
+            iterations,
+        )
+
+    def spawn(self) -> None:
+        """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way."""
+        self.n = spawned(
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.shape,
+            self.onset,
+            self.log_evidence,
+            self.setting_at_onset,
+            self.n,
+            self.records,
+            _SCALES[:-1],
+            RAMP_RECORDS,
+            _LOG_PRIORS,
+            self._most_onsets(),
+        )
+        self.regulation.spawn()
+
+    def _most_onsets(self) -> Integers:
+        """How many onsets are kept by shape and kind: none of what this history cannot tell from another kind."""
+        most = _MOST_ONSETS.copy()
+        if not self.lines_seen:
+            most[:, _BY_LINES] = 0
+        if not self.reservoir_measured:
+            most[:, _OF_RESERVOIR] = 0
+        return most
+
+    def reset(self, components: tuple[str, ...]) -> None:
+        """After maintenance that touched ``components`` their spread is the population's again.
+
+        Faults of those components are forgotten with what they were.
+        """
+        touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
+        self._keep(np.flatnonzero(~touched[self.kind[: self.n]]))
+        if "setting" in components:
+            # the compensator was opened: it regulates as it does now
+            self.regulation = Regulation()
+        _, sd = prior(self.pump)
+        for name in components:
+            self._forget(PLACE[name], sd[PLACE[name]])
+        self._rebase()
+
+    def _keep(self, rows: Integers) -> None:
+        """Drop every filter but these, in their order."""
+        n = len(rows)
+        for array in (
+            self.mean,
+            self.covariance,
+            self.kind,
+            self.shape,
+            self.onset,
+            self.log_evidence,
+            self.setting_at_onset,
+        ):
+            array[:n] = array[rows]
+        self.n = n
+
+    def _forget(self, place: int, sd: float) -> None:
+        covariance = self.covariance[: self.n]
+        covariance[:, place, :] = 0.0
+        covariance[:, :, place] = 0.0
+        covariance[:, place, place] = sd**2
+
+    def _set_reservoir(self, measured: bool) -> None:
+        place = PLACE["reservoir"]
+        spread = MEASURED_RESERVOIR_SD_BAR if measured else self.pump.population["reservoir_pressure_bar"].value
+        self._forget(place, spread)
+        self.mean[: self.n, place] = 0.0
+        self.reservoir_measured = measured
+        self._rebase()

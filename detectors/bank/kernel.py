@@ -1,0 +1,392 @@
+"""One step of every filter of a bank: predict, weigh, update. Compiled; plain arrays, nothing allocated per filter."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.expectation.components import (
+    AMPLITUDE,
+    CASE_OFFSET,
+    LN_RIPPLE,
+    N_COMPONENTS,
+    N_LIVING,
+    N_STATE,
+    ONCE,
+    RATE,
+    RESERVOIR,
+    SETTING,
+)
+from detectors.expectation.reduced_twin import pressures
+from twin.compiled import compiled
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+STUDENT_DEGREES = 5.0
+N_MEASURED = 6
+"""Discharge pressure, case pressure, zero of the case sensor, order n of both pressures, line at once per turn."""
+DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
+
+N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
+"""A slope for every place of the state, and after them one for every component that only a fault moves."""
+_IMPOSSIBLE = -50.0
+"""Log density of a measurement that a filter cannot weigh."""
+
+
+@compiled
+def place(j: int) -> int:
+    """Place of component j in a state, or among the slopes."""
+    return j if j < LN_RIPPLE else j + 2
+
+
+@compiled
+def predicted(
+    state: Array,
+    direction: Array,
+    anchor: Array,
+    ripple: Array,
+    full: Array,
+    slopes: Array,
+    y: Array,
+    H: Array,
+    n_rows: int = N_MEASURED,
+) -> None:
+    """What a state says the sensors show, ``y`` (6,), and its slopes ``H`` (6, N_SLOPES).
+
+    ``direction`` (N_COMPONENTS,) is what the amplitude moves; ``ripple`` holds the relative slopes of order n of both
+    pressures by the components, shape (2, N_COMPONENTS); ``full`` and ``slopes`` are work space. Only the first
+    ``n_rows`` of ``H`` are needed, at least three; where no more are, those of the lines stay as they are.
+    """
+    for j in range(N_COMPONENTS):
+        full[j] = direction[j] * state[AMPLITUDE]
+        if j < N_LIVING:
+            full[j] += state[place(j)]
+    pressures(anchor, full, y, slopes)
+    H[:n_rows, :] = 0.0
+    for j in range(N_COMPONENTS):
+        H[0, place(j)], H[1, place(j)] = slopes[0, j], slopes[1, j]
+    y[1] += full[CASE_OFFSET]
+    H[1, CASE_OFFSET] = 1.0
+    y[2] = full[CASE_OFFSET] + full[RESERVOIR]
+    H[2, CASE_OFFSET], H[2, RESERVOIR] = 1.0, 1.0
+    if n_rows > RIPPLE:
+        for r in range(2):
+            gain = math.exp(full[LN_RIPPLE + r])
+            ratio = 1.0
+            for j in range(N_COMPONENTS):
+                ratio += ripple[r, j] * full[j]
+                H[3 + r, place(j)] = gain * ripple[r, j]
+            y[3 + r] = gain * ratio
+            H[3 + r, place(LN_RIPPLE + r)] += gain * ratio
+        y[LINE] = abs(full[ONCE])
+        H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
+    for j in range(N_COMPONENTS):
+        if direction[j] != 0.0:
+            for i in range(n_rows):
+                H[i, AMPLITUDE] += H[i, place(j)] * direction[j]
+
+
+@compiled
+def _cholesky(A: Array, n: int) -> bool:
+    """Lower factor of the first n rows of A in place; False when A is not positive definite."""
+    for j in range(n):
+        d = A[j, j]
+        for k in range(j):
+            d -= A[j, k] * A[j, k]
+        if not d > 0.0:
+            return False
+        A[j, j] = math.sqrt(d)
+        for i in range(j + 1, n):
+            s = A[i, j]
+            for k in range(j):
+                s -= A[i, k] * A[j, k]
+            A[i, j] = s / A[j, j]
+    return True
+
+
+@compiled
+def _less(P: Array, W: Array, k: int, n: int) -> None:
+    """``P -= W' W``, up to three rows of W at a time."""
+    for a in range(0, k, 3):
+        left = k - a
+        for i in range(n):
+            u = W[a, i]
+            if left >= 3:
+                v, w = W[a + 1, i], W[a + 2, i]
+                for j in range(n):
+                    P[i, j] -= u * W[a, j] + v * W[a + 1, j] + w * W[a + 2, j]
+            elif left == 2:
+                v = W[a + 1, i]
+                for j in range(n):
+                    P[i, j] -= u * W[a, j] + v * W[a + 1, j]
+            else:
+                for j in range(n):
+                    P[i, j] -= u * W[a, j]
+
+
+@compiled
+def workspace() -> tuple[Array, Array]:
+    """Room for ``take``: rows as wide as the slopes, and the small matrices of what was measured."""
+    return np.empty((3 * N_MEASURED + 4, N_SLOPES)), np.empty((3 * N_MEASURED + 5, N_MEASURED))
+
+
+@compiled
+def take(
+    m: Array,
+    P: Array,
+    direction: Array,
+    anchor: Array,
+    ripple: Array,
+    values: Array,
+    noise: Array,
+    seen: Integers,
+    k: int,
+    n: int,
+    iterations: int,
+    point: Array,
+    wander: Array,
+    wide: Array,
+    small: Array,
+) -> float:
+    """Take one measurement into one filter, in place; logarithm of its predictive density (without constants).
+
+    Parameters
+    ----------
+    m, P
+        Mean and covariance, shapes (N,) and (N, N).
+    direction, anchor, ripple
+        What the filter's amplitude moves, the nominal twin at the condition, and its order n.
+    values, noise
+        What was measured, shape (6,), and its covariance, shape (6, 6).
+    seen, k
+        Which of the six were measured, in rising order: the first k entries.
+    n
+        How much of the state is alive (``Bank.alive``).
+    iterations
+        How often the twin is linearised anew about the updated state.
+    point
+        Where to linearise first, shape (N,); overwritten.
+    wander
+        Variance by which the state may have moved between here and ``point``, shape (N,), where that was fitted to a
+        whole history and may say by itself that this measurement is an outlier; empty where it was not.
+    wide, small
+        From ``workspace``.
+    """
+    # n is no constant: loops of known length would be unrolled and done one number at a time
+    H, PH, W = wide[:N_MEASURED], wide[N_MEASURED : 2 * N_MEASURED], wide[2 * N_MEASURED : 3 * N_MEASURED]
+    slopes, full = wide[3 * N_MEASURED : 3 * N_MEASURED + 3], wide[3 * N_MEASURED + 3]
+    S, L = small[:N_MEASURED], small[N_MEASURED : 2 * N_MEASURED]
+    y, innovation, white = small[2 * N_MEASURED], small[2 * N_MEASURED + 1], small[2 * N_MEASURED + 2]
+    log_density = 0.0
+    for iteration in range(iterations):
+        predicted(point, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
+        for a in range(k):
+            ia = seen[a]
+            innovation[a] = values[ia] - y[ia]
+            for j in range(n):
+                PH[a, j] = 0.0
+            for i in range(n):
+                slope = H[ia, i]
+                if slope != 0.0:
+                    innovation[a] -= slope * (m[i] - point[i])
+                    for j in range(n):
+                        PH[a, j] += slope * P[i, j]
+            for b in range(a + 1):
+                total = 0.0
+                for j in range(n):
+                    total += H[ia, j] * PH[b, j]
+                S[a, b] = total
+                L[a, b] = total + noise[ia, seen[b]]
+        good = _cholesky(L, k)
+        distance, log_det = 0.0, 0.0
+        if good:
+            distance, log_det = _whitened(L, innovation, white, k)
+        if not (good and distance < 1.0e300):
+            return log_density + _IMPOSSIBLE
+        if iteration == 0:
+            log_density = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k) * math.log1p(distance / STUDENT_DEGREES)
+        if len(wander) > 0:
+            distance = max(distance, _residual_distance(H, values, y, noise, seen, k, n, wander, small))
+        inflation = max(1.0, (STUDENT_DEGREES + distance) / (STUDENT_DEGREES + k))
+        if inflation > 1.0:
+            for a in range(k):
+                for b in range(a + 1):
+                    L[a, b] = S[a, b] + inflation * noise[seen[a], seen[b]]
+            _cholesky(L, k)
+            _whitened(L, innovation, white, k)
+        # W = L^-1 P H': then the mean moves by W' white and the covariance falls by W' W
+        for i in range(n):
+            point[i] = m[i]
+        for a in range(k):
+            for i in range(n):
+                W[a, i] = PH[a, i]
+            for b in range(a):
+                factor = L[a, b]
+                for i in range(n):
+                    W[a, i] -= factor * W[b, i]
+            factor = 1.0 / L[a, a]
+            for i in range(n):
+                W[a, i] *= factor
+                point[i] += W[a, i] * white[a]
+    _less(P, W, k, n)
+    for i in range(n):
+        m[i] = point[i]
+    return log_density
+
+
+@compiled
+def _residual_distance(
+    H: Array, values: Array, y: Array, noise: Array, seen: Integers, k: int, n: int, wander: Array, small: Array
+) -> float:
+    """Squared distance of what was measured from what the linearisation point says, in noise and wander."""
+    L, residual, white = (
+        small[2 * N_MEASURED + 3 : 3 * N_MEASURED + 3],
+        small[3 * N_MEASURED + 3],
+        small[3 * N_MEASURED + 4],
+    )
+    for a in range(k):
+        residual[a] = values[seen[a]] - y[seen[a]]
+        for b in range(a + 1):
+            total = noise[seen[a], seen[b]]
+            for j in range(n):
+                total += H[seen[a], j] * H[seen[b], j] * wander[j]
+            L[a, b] = total
+    if not _cholesky(L, k):
+        return 0.0
+    distance, _ = _whitened(L, residual, white, k)
+    return distance
+
+
+@compiled
+def step(
+    mean: Array,
+    covariance: Array,
+    kind: Integers,
+    log_evidence: Array,
+    n_filters: int,
+    directions: Array,
+    anchor: Array,
+    ripple: Array,
+    values: Array,
+    noise: Array,
+    seen: Integers,
+    n: int,
+    iterations: int,
+) -> None:
+    """Take one measurement into every filter, in place.
+
+    Parameters
+    ----------
+    mean, covariance, kind, log_evidence
+        The bank, shapes (M, N), (M, N, N), (M,), (M,); the first ``n_filters`` count. Kind -1 is the healthy pump.
+    directions
+        What each kind moves, shape (n_kinds + 1, N_COMPONENTS); the last row, zeros, serves the healthy pump.
+    anchor, ripple, values, noise, seen, n, iterations
+        As in ``take``, ``seen`` of shape (k,).
+    """
+    wide, small = workspace()
+    point, nowhere = np.empty(N_STATE), np.empty(0)
+    for f in range(n_filters):
+        for i in range(N_STATE):
+            point[i] = mean[f, i]
+        log_evidence[f] += take(
+            mean[f],
+            covariance[f],
+            directions[kind[f]],
+            anchor,
+            ripple,
+            values,
+            noise,
+            seen,
+            len(seen),
+            n,
+            iterations,
+            point,
+            nowhere,
+            wide,
+            small,
+        )
+
+
+@compiled
+def _whitened(L: Array, innovation: Array, white: Array, k: int) -> tuple[float, float]:
+    """``white = L^-1 innovation``; its square sum and the log determinant of L L'."""
+    distance, log_det = 0.0, 0.0
+    for a in range(k):
+        total = innovation[a]
+        for b in range(a):
+            total -= L[a, b] * white[b]
+        white[a] = total / L[a, a]
+        distance += white[a] * white[a]
+        log_det += 2.0 * math.log(L[a, a])
+    return distance, log_det
+
+
+@compiled
+def advance(
+    mean: Array,
+    covariance: Array,
+    n_filters: int,
+    walk: Array,
+    amplitude_walk: Array,
+    rate_walk: Array,
+    setting_walk: Array,
+) -> None:
+    """From one record to the next, in place: amplitudes grow by their rate, every component wanders.
+
+    ``walk`` holds variances, shape (N,); ``amplitude_walk``, ``rate_walk`` and ``setting_walk`` those of each filter's
+    amplitude, of its rate, and of the setting on top of its own, shape (M,).
+    """
+    for f in range(n_filters):
+        m, P = mean[f], covariance[f]
+        if P[RATE, RATE] > 0.0:
+            m[AMPLITUDE] += m[RATE]
+            for i in range(N_STATE):
+                P[AMPLITUDE, i] += P[RATE, i]
+            for i in range(N_STATE):
+                P[i, AMPLITUDE] += P[i, RATE]
+        for i in range(N_STATE):
+            P[i, i] += walk[i]
+        P[AMPLITUDE, AMPLITUDE] += amplitude_walk[f]
+        P[RATE, RATE] += rate_walk[f]
+        P[SETTING, SETTING] += setting_walk[f]
+
+
+@compiled
+def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) -> tuple[float, float]:
+    """Case flow of one filter's state at an anchor and its variance [L/min, (L/min)^2]."""
+    full, slopes, y = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(2)
+    gradient = np.zeros(N_STATE)
+    for j in range(N_COMPONENTS):
+        full[j] = direction[j] * state[AMPLITUDE]
+        if j < N_LIVING:
+            full[j] += state[place(j)]
+    flow = pressures(anchor, full, y, slopes)
+    for j in range(N_COMPONENTS):
+        gradient[AMPLITUDE] += slopes[2, j] * direction[j]
+        if j < N_LIVING:
+            gradient[place(j)] = slopes[2, j]
+    variance = 0.0
+    for i in range(N_STATE):
+        for j in range(N_STATE):
+            variance += gradient[i] * covariance[i, j] * gradient[j]
+    return flow, variance
+
+
+@compiled
+def mean_case_flow(
+    mean: Array, covariance: Array, kind: Integers, weights: Array, directions: Array, anchor: Array, likeliest: int
+) -> tuple[float, float]:
+    """Case flow at an anchor, averaged over the likeliest filters, and its standard deviation [L/min]."""
+    left = weights.copy()
+    whole, first, second = 0.0, 0.0, 0.0
+    for _ in range(min(likeliest, len(left))):
+        f = np.argmax(left)
+        flow, variance = case_flow(mean[f], covariance[f], directions[kind[f]], anchor)
+        whole += left[f]
+        first += left[f] * flow
+        second += left[f] * (variance + flow * flow)
+        left[f] = -1.0
+    first /= whole
+    return first, math.sqrt(max(second / whole - first * first, 0.0))

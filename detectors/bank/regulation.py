@@ -1,0 +1,148 @@
+"""How the compensator regulates, watched beside the filter bank: scatter, ripple and frequency of discharge pressure.
+
+A spool that sticks lets the regulated pressure swing; one that is stuck, or whose metering edges are rounded, answers
+more slowly. Neither moves the means that the bank lives on, and how restless the consumers are says nothing about
+leakage: these numbers share no unknown with the bank's state. Each is therefore followed by a chart of its own, and
+what the charts find is weighed against the healthy pump of the bank (``detectors.judgement.isolation``).
+"""
+
+import math
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.bank.regulation_kernel import advance, learn, log_odds
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Feature(IntEnum):
+    """What is followed, each as a natural logarithm of its number."""
+
+    SCATTER = 0
+    """One-sigma of the discharge pressure's samples in a zero-flow window, at any sampling rate [bar]."""
+    RIPPLE = 1
+    """Root mean square below order 1, from a burst [bar]."""
+    FREQUENCY = 2
+    """Where that ripple lies, its mean frequency, from a burst [Hz]."""
+
+
+N_FEATURES = len(Feature)
+MOST_ONSETS = 5
+LOG_HAZARD = math.log(3.0e-4)
+"""Prior of a change of one feature setting in between two onset candidates (estimate)."""
+_SIGN = np.array([1.0, 1.0, -1.0])
+"""Direction of a fault: a sticking spool swings, a stuck or eroded one is slow. A calmer or quicker pump is no worse."""
+_SCALE = np.array([1.5, 1.5, 0.4])
+_FLOOR = np.array([0.9, 0.9, 0.15])
+"""Size of a fault and the size that is worth a word [-]: consumers double their restlessness, the twin's regulation slows
+down by a tenth between 30 and 90 degC and by a quarter where edges are rounded tenfold."""
+_NOISE = np.array([0.30, 0.30, 0.06])
+"""Spread from flight to flight of a healthy pump [-] (estimates); each chart learns its own from here."""
+_LEVEL = np.array([2.0, 2.0, 0.5])
+_LEVEL_WALK = (np.array([0.01, 0.01, 0.0015]) / _NOISE) ** 2
+_WARMTH = np.array([0.3, 0.3, 0.10])
+_AMPLITUDE_WALK = (np.array([0.05, 0.05, 0.004]) / _NOISE) ** 2
+_FIRST_HALF_DEGREES = 2.5
+_MOST_HALF_DEGREES = 6.0
+"""Degrees of freedom, halved, of the Student-t evidence: at first, and once the spread is known. Never more, so that a
+single flight with busy consumers stays cheap."""
+_MOST_NOISE = 2.0
+"""A healthy pump's spread over the expected one, at most: a fault that comes and goes is no noise."""
+_MOST_VARIANCE = (_MOST_NOISE * _NOISE) ** 2
+_SHOWN = np.array([9.0, 1.0])
+"""Prior flights on which a fault shows and does not (estimate)."""
+_CAPACITY = 1 + MOST_ONSETS
+_L, _W, _A = range(3)
+
+
+@dataclass(slots=True)
+class Regulation:
+    """Charts of one installation, a healthy filter and up to five onsets each. Changed in place by its methods.
+
+    Attributes
+    ----------
+    mean, covariance
+        Level at 50 degC, slope by warmth and size of the fault; the covariance counts in noise variances. Shapes
+        (N_FEATURES, M, 3) and (N_FEATURES, M, 3, 3).
+    half_degrees, sum_of_squares
+        What is known of the noise: shape and rate of the inverse-gamma law of its variance, (N_FEATURES, M).
+    shown
+        Flights on which the fault showed and on which it did not, by responsibility and prior, (N_FEATURES, M, 2).
+    log_evidence
+        (N_FEATURES, M).
+    n
+        Filters of each chart, (N_FEATURES,).
+    """
+
+    mean: Array = field(default_factory=lambda: np.zeros((N_FEATURES, _CAPACITY, 3)))
+    covariance: Array = field(default_factory=lambda: np.zeros((N_FEATURES, _CAPACITY, 3, 3)))
+    half_degrees: Array = field(default_factory=lambda: np.full((N_FEATURES, _CAPACITY), _FIRST_HALF_DEGREES))
+    sum_of_squares: Array = field(default_factory=lambda: np.zeros((N_FEATURES, _CAPACITY)))
+    shown: Array = field(default_factory=lambda: np.tile(_SHOWN, (N_FEATURES, _CAPACITY, 1)))
+    log_evidence: Array = field(default_factory=lambda: np.zeros((N_FEATURES, _CAPACITY)))
+    n: Integers = field(default_factory=lambda: np.ones(N_FEATURES, dtype=np.int64))
+    begun: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(N_FEATURES, dtype=np.bool_))
+
+    def __post_init__(self) -> None:
+        """Start with an unknown healthy pump."""
+        self.sum_of_squares[:] = (_FIRST_HALF_DEGREES * _NOISE**2)[:, None]
+        self.covariance[:, 0, _W, _W] = (_WARMTH / _NOISE) ** 2
+        self.covariance[:, 0, _L, _L] = (_LEVEL / _NOISE) ** 2
+
+    def learn(self, values: Array, warmth: float) -> None:
+        """Take the features of one window or burst, shape (N_FEATURES,), NaN where one was not seen."""
+        learn(
+            self.mean,
+            self.covariance,
+            self.half_degrees,
+            self.sum_of_squares,
+            self.shown,
+            self.log_evidence,
+            self.n,
+            self.begun,
+            values,
+            warmth,
+            _MOST_VARIANCE,
+            _MOST_HALF_DEGREES,
+        )
+
+    def pass_time(self) -> None:
+        """From one record to the next: levels and faults wander."""
+        advance(self.covariance, _LEVEL_WALK, _AMPLITUDE_WALK)
+
+    def spawn(self) -> None:
+        """A change of every feature setting in now; the least likely onset gives way."""
+        for k in np.flatnonzero(self.begun):
+            place = int(self.n[k])
+            if place == _CAPACITY:
+                place = 1 + int(np.argmin(self.log_evidence[k, 1:]))
+            else:
+                self.n[k] += 1
+            for array in (self.mean, self.covariance, self.half_degrees, self.sum_of_squares, self.log_evidence):
+                array[k, place] = array[k, 0]
+            self.covariance[k, place, _A, :] = 0.0
+            self.covariance[k, place, :, _A] = 0.0
+            self.covariance[k, place, _A, _A] = (_SCALE[k] / _NOISE[k]) ** 2
+            self.shown[k, place] = _SHOWN
+            self.log_evidence[k, place] += LOG_HAZARD
+
+    def log_odds(self) -> float:
+        """Log of prior odds times evidence of a changed regulation against the healthy pump, over all charts.
+
+        The charts are rivals, not witnesses: ripple and scatter of one flight have one cause, so the larger counts and
+        not their product.
+        """
+        return log_odds(
+            self.mean,
+            self.covariance,
+            self.half_degrees,
+            self.sum_of_squares,
+            self.log_evidence,
+            self.n,
+            _SIGN,
+            _FLOOR,
+        )

@@ -1,0 +1,1 @@
+"""The damage identification curve, as data and as a picture."""

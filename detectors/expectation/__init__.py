@@ -1,0 +1,1 @@
+"""What the twin says at a condition, and what is left over."""

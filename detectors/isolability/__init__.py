@@ -1,0 +1,1 @@
+"""What a sensor can and cannot see, before it is bought."""

@@ -1,0 +1,202 @@
+"""From the evidence of a bank to words: sequential alarm, the fault it names, or what remains possible."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.bank.bank import ARRIVAL_FLOOR_LPM, Bank
+from detectors.bank.hypotheses import FAULT_KINDS
+from detectors.bank.summary import summed
+from detectors.words.verdict import FAULTS, SIDE_OF, Side, State
+
+Array = NDArray[np.float64]
+
+QUANTITIES: Mapping[str, tuple[str, ...]] = {
+    "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra", "throttled"),
+    "system_leakage_change_lpm": ("system_orifice", "system_laminar"),
+    "pressure_setting_change_bar": ("setting",),
+    "drain_resistance_change_percent": ("ln_drain",),
+}
+"""Estimated changes, and the components that they are counted in."""
+WORN_PROBABILITY = 0.5
+WORN_RECORDS = 4
+"""Probability of having arrived worn, and records in a row above it, from which a pump is called so."""
+_KEPT = 0.82
+"""Share of its level down to which what is named keeps its name."""
+_FAULTS_OF: Mapping[Side, tuple[State, ...]] = {
+    side: tuple(f for f in FAULTS if SIDE_OF[f] is side) for side in (Side.PUMP, Side.SYSTEM, Side.SENSOR)
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Where the evidence stands after one record.
+
+    ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
+    ``weights`` are the filters' shares, shape (m,); ``shares`` are those of
+    the faults among what changed since the first record; ``arrival`` is the probability that the pump came worn;
+    ``together`` holds the shares of two faults by the first and the second, shape (n, n) in the order of ``FAULTS``;
+    ``moments`` belong to ``QUANTITIES``: see ``detectors.bank.summary.summed``.
+    """
+
+    log_odds: float
+    probabilities: Mapping[State, float]
+    weights: Array
+    shares: Mapping[State, float]
+    arrival: float
+    together: Array
+    moments: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """Memory of the sequential decision between records.
+
+    An alarm is raised after ``above`` records in a row over the on-level and ends below the off-level. ``state`` and
+    ``side`` lead among the faults for ``state_for`` and ``side_for`` records in a row with a share over their level;
+    what is named keeps its name until its share falls clearly below that.
+    """
+
+    raised: bool = False
+    above: int = 0
+    state: State | None = None
+    state_for: int = 0
+    side: Side | None = None
+    side_for: int = 0
+    worn_for: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """State with what remains possible; ``candidates`` is empty unless the state is ``indeterminate``."""
+
+    state: State
+    candidates: tuple[State, ...] = field(default=())
+
+
+def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
+    """Sum the bank's filters by the state they stand for, and by the quantity they change."""
+    n = bank.n
+    floors = _FLOORS.copy()
+    floors[_IS_SENSOR] = thresholds["sensor_shift_bar"]
+    weights, moments = np.empty(n), np.empty((len(QUANTITIES), 4))
+    sums, changed = np.empty(len(FAULTS) + 1), np.empty(len(FAULTS) + 1)
+    together = np.empty((len(FAULTS), len(FAULTS)))
+    arrival = summed(
+        bank.mean[:n],
+        bank.covariance[:n],
+        bank.kind[:n],
+        bank.shape[:n],
+        bank.onset[:n],
+        bank.log_evidence[:n],
+        bank.setting_at_onset[:n],
+        bank.records,
+        _SIGNS,
+        floors,
+        _STATES,
+        _BESIDE,
+        _SETTING,
+        _SCALES,
+        _GROUPS,
+        weights,
+        sums,
+        changed,
+        together,
+        moments,
+    )
+    # what regulation shows is independent of the means: it stands against the pump that is healthy by them
+    odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
+    *of_all, healthy_of_all = sums.tolist()
+    *faults, healthy = changed.tolist()
+    of_all[_COMPENSATOR] += healthy_of_all * odds
+    faults[_COMPENSATOR] += healthy * odds
+    posterior = _shares([healthy_of_all, *of_all])
+    probabilities = dict(zip((State.HEALTHY, *FAULTS), posterior, strict=True))
+    fault = sum(faults)
+    return Evidence(
+        # how a pump came is a question of its own: an alarm is raised by what changed since
+        log_odds=math.log(max(fault, 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
+        probabilities=probabilities,
+        weights=weights,
+        shares=dict(zip(FAULTS, _shares(faults), strict=True)),
+        arrival=arrival,
+        together=together,
+        moments=moments,
+    )
+
+
+def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> tuple[Alarm, Decision]:
+    """One step of the sequential decision: is there an alarm, whose side is it, and which fault of that side."""
+    worn_for = alarm.worn_for + 1 if found.arrival > WORN_PROBABILITY else 0
+    above = alarm.above + 1 if found.log_odds > thresholds["alarm_on_log_odds"] else 0
+    raised = above >= thresholds["alarm_records"] or (
+        alarm.raised and found.log_odds >= thresholds["alarm_off_log_odds"]
+    )
+    share = found.shares
+    leader = max(FAULTS, key=lambda f: share[f])
+    by_side = {s: sum(share[f] for f in faults) for s, faults in _FAULTS_OF.items()}
+    side = max(by_side, key=lambda s: by_side[s])
+    level = thresholds["system_side_probability" if side is Side.SYSTEM else "side_probability"]
+    records = thresholds["side_records"]
+    state_for = _led_for(
+        share[leader], thresholds["state_probability"], alarm.state_for if alarm.state is leader else 0, records
+    )
+    side_for = _led_for(by_side[side], level, alarm.side_for if alarm.side is side else 0, records)
+    following = Alarm(
+        raised, above, leader if state_for else None, state_for, side if side_for else None, side_for, worn_for
+    )
+    if worn_for >= WORN_RECORDS and (not raised or leader is State.PUMP_DEGRADATION):
+        return following, Decision(State.PUMP_DEGRADATION)
+    if not raised:
+        return following, Decision(State.HEALTHY)
+    if state_for >= records:
+        return following, Decision(leader)
+    # a side with a single fault leaves nothing to be undecided about, so it waits for its state
+    rivals = _FAULTS_OF[side] if side_for >= records and len(_FAULTS_OF[side]) > 1 else FAULTS
+    # what is not named yet has a rival: a single candidate would be an accusation
+    likely = set(sorted(rivals, key=lambda f: share[f])[-2:])
+    candidates = tuple(f for f in rivals if f in likely or share[f] >= thresholds["candidate_probability"])
+    return following, Decision(State.INDETERMINATE, candidates)
+
+
+def _led_for(share: float, level: float, before: int, records: float) -> int:
+    """Records in a row that something has led for, with this one; 0 where its share is too small."""
+    named = before >= records
+    return before + 1 if share > (_KEPT * level if named else level) else 0
+
+
+def secondary(found: Evidence, state: State) -> State | None:
+    """The fault that more likely than not came beside the named one; None for none."""
+    if state not in FAULTS:
+        return None
+    row = found.together[FAULTS.index(state)]
+    place = int(row.argmax())
+    return FAULTS[place] if row[place] > 0.5 * found.probabilities[state] else None
+
+
+def _group(component: str) -> int:
+    """Number of the quantity that a component counts for; -1 for none."""
+    return next((i for i, names in enumerate(QUANTITIES.values()) if component in names), -1)
+
+
+def _shares(sums: Sequence[float]) -> list[float]:
+    """Sums of evidence as shares that add up to 1; all alike where there is none."""
+    whole = sum(sums)
+    return [s / whole for s in sums] if whole > 0.0 else [1.0 / len(sums)] * len(sums)
+
+
+_COMPENSATOR = FAULTS.index(State.COMPENSATOR_FAULT)
+_MOST_LOG_ODDS = 600.0
+_STATES = np.array([FAULTS.index(k.state) if k.state in FAULTS else len(FAULTS) for k in FAULT_KINDS] + [len(FAULTS)])
+_BESIDE = np.array([-1 if k.beside is None else FAULTS.index(k.beside) for k in FAULT_KINDS] + [-1])
+_MOVED = next(k for k in FAULT_KINDS if k.component == "setting")
+_SETTING = np.array([_MOVED.scale, _MOVED.floor, float(_group(_MOVED.component))])
+_SCALES = np.array([k.scale for k in FAULT_KINDS] + [1.0])
+_FLOORS = np.array([k.floor for k in FAULT_KINDS] + [0.0, ARRIVAL_FLOOR_LPM])
+_IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False, False])
+_SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])
+_GROUPS = np.array([_group(k.component) for k in FAULT_KINDS] + [-1])
+"""By kind of fault, the healthy pump last: number of its state, floor (arrivals after that), sign, quantity."""

@@ -1,0 +1,120 @@
+"""Snapshots of the fold: all that it carries between two observations, as bytes that can be checked.
+
+The bytes are a magic word with the format's number, the SHA-256 of what follows, and a zlib stream of
+``detectors.judgement.packing``. They say nothing about what they were made from: that is the business of whoever keeps them.
+"""
+
+import hashlib
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache
+from typing import Any, get_type_hints
+
+import numpy as np
+
+# which records are still needed is the bank's own business; a second copy of these numbers could drift
+from detectors.bank.bank import _FITTED_ANEW_AT, Bank, Measurement
+from detectors.bank.regulation import Regulation
+from detectors.expectation.type_correction import HealthyCurve
+from detectors.judgement import packing
+from detectors.judgement.assessment import Fold
+from detectors.judgement.packing import AnyArray
+from twin.compiled import numba_version
+from twin.parameters import Circuit, PumpType
+from twin.sources import sources_hash
+
+_MAGIC = b"casedrain fold 2\n"
+_DIGEST = 32
+_QUICK = 1
+"""Compression level: most of the bytes are mantissas, which no level makes much smaller."""
+_OF_REGULATION = "regulation."
+_GIVEN_AGAIN = ("pump", "circuit", "thresholds", "healthy", "reference", "bank")
+"""Fields of the fold that are given again or follow from what is; the bank is packed apart."""
+
+
+def snapshot(fold: Fold) -> bytes:
+    """What a fold carries now."""
+    bank = fold.bank
+    numbers: dict[str, int] = {}
+    arrays: dict[str, AnyArray] = {}
+    for name in _bank_fields():
+        value = getattr(bank, name)
+        if isinstance(value, np.ndarray):
+            arrays[name] = value[: bank.n] if len(value) == len(bank.kind) else value
+        else:
+            numbers[name] = int(value)
+    arrays |= {_OF_REGULATION + name: getattr(bank.regulation, name) for name in _regulation_fields()}
+    # what was learnt is read again only when filters are fitted anew: later it only says that there is something
+    learnt = bank.learnt if bank.records - bank.base_records < max(_FITTED_ANEW_AT) else bank.learnt[-1:]
+    carried = tuple(getattr(fold, name) for name in _carried_fields())
+    body = zlib.compress(packing.packed((carried, numbers, arrays, learnt)), _QUICK)
+    return _MAGIC + hashlib.sha256(body).digest() + body
+
+
+def fold_from(
+    content: bytes,
+    pump: PumpType,
+    circuit: Circuit,
+    thresholds: Mapping[str, float],
+    healthy: HealthyCurve | None = None,
+) -> Fold:
+    """The fold that a snapshot was taken of; the same pump type, circuit, thresholds and curve must be given again.
+
+    Raises
+    ------
+    ValueError
+        when the bytes are damaged or of another format.
+    """
+    body = content[len(_MAGIC) + _DIGEST :]
+    digest = content[len(_MAGIC) : len(_MAGIC) + _DIGEST]
+    if not content.startswith(_MAGIC) or hashlib.sha256(body).digest() != digest:
+        raise ValueError("these bytes are no snapshot of this format, or they are damaged")
+    carried, numbers, arrays, learnt = packing.unpacked(_packed_type(), zlib.decompress(body))
+    regulation = {_OF_REGULATION + name: name for name in _regulation_fields()}
+    if {*numbers, *arrays} != {*_bank_fields(), *regulation}:
+        raise ValueError("this snapshot is of a bank with other fields")
+    fold = Fold(pump, circuit, thresholds, healthy)
+    for name, value in zip(_carried_fields(), carried, strict=True):
+        setattr(fold, name, value)
+    for name, number in numbers.items():
+        setattr(fold.bank, name, type(getattr(fold.bank, name))(number))
+    for name, array in arrays.items():
+        if name in regulation:
+            getattr(fold.bank.regulation, regulation[name])[:] = array
+        else:
+            getattr(fold.bank, name)[: len(array)] = array
+    fold.bank.learnt = learnt
+    return fold
+
+
+@cache
+def judge_version() -> str:
+    """Hash of all that a fold computes with besides its input: code, fitted surfaces, numerical libraries.
+
+    A snapshot of another version is worthless: a change of a single rounding would be carried on for ever.
+    """
+    return f"{sources_hash('detectors.judgement.snapshot')}-numpy{np.__version__}-numba{numba_version}"
+
+
+@cache
+def _carried_fields() -> tuple[str, ...]:
+    return tuple(f.name for f in fields(Fold) if f.name not in _GIVEN_AGAIN)
+
+
+@cache
+def _packed_type() -> Any:
+    """What is packed: fields of the fold, numbers and arrays of its bank by name, and what was learnt."""
+    hints = get_type_hints(Fold)
+    carried = tuple.__class_getitem__(tuple(hints[name] for name in _carried_fields()))
+    return tuple[carried, dict[str, int], dict[str, AnyArray], list[tuple[Measurement, ...]]]  # type: ignore[valid-type]
+
+
+@cache
+def _bank_fields() -> tuple[str, ...]:
+    return tuple(f.name for f in fields(Bank) if f.name not in ("pump", "learnt", "regulation"))
+
+
+@cache
+def _regulation_fields() -> tuple[str, ...]:
+    return tuple(f.name for f in fields(Regulation))

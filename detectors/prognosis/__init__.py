@@ -1,0 +1,1 @@
+"""Flight hours that are left (ISO 13374: prognostics)."""

@@ -1,0 +1,78 @@
+"""Reduce a recording to what the analysis keeps: the zero, the windows, the spectrum of what is sampled fast, the droop."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from detectors.reduction.load_steps import droop_from_rest
+from detectors.reduction.spectrum import spectrum
+from detectors.reduction.windows import (
+    LOWEST_PRESSURE_FRACTION,
+    LOWEST_SPEED_FRACTION,
+    steady_windows,
+    unchanging_channels,
+)
+from detectors.reduction.zero import pump_off_zero
+from detectors.words.observation import Reduction, Window, WindowKind
+from detectors.words.signature import Spectrum
+from twin.parameters import PumpType
+from twin.recording import Recording
+
+
+def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[str, float]) -> Reduction:
+    """Zero, windows, spectrum and droop of one recording; says in a sentence why it adds nothing when no window was accepted."""
+    zero, off = pump_off_zero(recording, pump, thresholds)
+    windows = tuple(sorted((*off, *steady_windows(recording, pump, thresholds)), key=lambda w: w.start_s))
+    flags = []
+    if not zero.measured:
+        flags.append("no pump-off stretch: the case sensor's offset is unknown on this record")
+    if "reservoir_pressure_bar" not in recording:
+        flags.append("reservoir pressure not measured")
+    accepted = [w for w in windows if w.accepted and w.kind is WindowKind.ZERO_FLOW]
+    if accepted:
+        stuck = unchanging_channels(recording, accepted[-1], ("discharge_pressure_bar", "case_pressure_bar"))
+        flags += [f"{name} does not change at all over the zero-flow window: stuck, or too coarse" for name in stuck]
+    explanation = None if accepted else _explanation(recording, windows, pump)
+    window = accepted[-1] if accepted else None
+    lines = _spectrum(recording, window, pump, thresholds)
+    return Reduction(zero, windows, explanation, tuple(flags), lines, droop_from_rest(recording, pump))
+
+
+def _spectrum(
+    recording: Recording, window: Window | None, pump: PumpType, thresholds: Mapping[str, float]
+) -> Spectrum | None:
+    """Spectrum of the zero-flow window; of the whole record where it is a burst, shorter than any window."""
+    if window is not None:
+        return spectrum(recording, window.start_s, window.end_s, pump)
+    time = recording.time_s
+    if len(time) < 2 or float(time[-1] - time[0]) >= thresholds["window_minimum_duration_s"]:
+        return None
+    regulated = pump.limits["zero_flow_pressure_low_bar"].value * LOWEST_PRESSURE_FRACTION
+    for name, lowest in (
+        ("shaft_speed_rpm", LOWEST_SPEED_FRACTION * pump.nominal_speed_rpm),
+        ("discharge_pressure_bar", regulated),
+    ):
+        known = recording[name][np.isfinite(recording[name])]
+        # five in a hundred may be spikes; a run-up or a load step is no burst at constant load
+        if len(known) == 0 or float(np.percentile(known, 5)) < lowest:
+            return None
+    return spectrum(recording, float(time[0]), math.nextafter(float(time[-1]), math.inf), pump)
+
+
+def _explanation(recording: Recording, windows: tuple[Window, ...], pump: PumpType) -> str:
+    rejected = [w for w in windows if w.kind is WindowKind.ZERO_FLOW]
+    if rejected:
+        longest = max(rejected, key=lambda w: w.end_s - w.start_s)
+        return (
+            f"no steady zero-flow window: the longest candidate, {longest.start_s:.0f} to {longest.end_s:.0f} s, "
+            f"was rejected because {longest.reason}"
+        )
+    if any(w.accepted and w.kind is WindowKind.CONSTANT_FLOW for w in windows):
+        return "no zero-flow window: windows at constant flow count beside one at zero flow in the same record only"
+    speed = recording["shaft_speed_rpm"]
+    fastest = float(np.nanmax(speed)) if np.isfinite(speed).any() else 0.0
+    needed = LOWEST_SPEED_FRACTION * pump.nominal_speed_rpm
+    if fastest < needed:
+        return f"no zero-flow window: the pump never reaches {needed:.0f} rpm (fastest {fastest:.0f} rpm)"
+    return "no zero-flow window: no stretch at operating speed with untouched controls and regulated pressure"

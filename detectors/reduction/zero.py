@@ -1,0 +1,93 @@
+"""Zero of the case sensor: while the pump is off it must read the reservoir."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from detectors.reduction.statistics import mean_with_error, without_spikes
+from detectors.words.observation import Mean, Window, WindowKind, Zero
+from twin.parameters import PumpType
+from twin.recording import Recording
+
+PUMP_OFF_SPEED_FRACTION = 0.05
+SETTLING_AFTER_SHUTDOWN_S = 30.0
+UNMEASURED_RESERVOIR_SD_BAR = 0.10
+"""Estimate: reservoir pressure against its nominal value on the ground, where no sensor tells."""
+
+
+def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Runs of True in ``mask``, shape (n,), as (first, one past the last) pairs in order."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def pump_off_zero(
+    recording: Recording, pump: PumpType, thresholds: Mapping[str, float]
+) -> tuple[Zero, tuple[Window, ...]]:
+    """Zero of the case sensor on this record, and every pump-off stretch as a window.
+
+    The first settled stretch counts (before the run-up the line has rested longest); after a shutdown the
+    pressure is given time to decay. Without one, the offset is unknown with the sensor's prior spread.
+    """
+    unknown = Zero(0.0, pump.population["case_zero_bar"].value, measured=False)
+    speed = recording["shaft_speed_rpm"]
+    off = np.isfinite(speed) & (np.abs(speed) < PUMP_OFF_SPEED_FRACTION * pump.nominal_speed_rpm)
+    windows = []
+    zero = unknown
+    for first, end in stretches(off):
+        window, offset = _pump_off_window(recording, pump, thresholds, first, end)
+        windows.append(window)
+        if window.accepted and offset is not None and not zero.measured:
+            zero = offset
+    return zero, tuple(windows)
+
+
+def _pump_off_window(
+    recording: Recording, pump: PumpType, thresholds: Mapping[str, float], first: int, end: int
+) -> tuple[Window, Zero | None]:
+    time = recording.time_s
+    start_s, end_s = float(time[first]), float(time[end - 1])
+    if first > 0:
+        start_s = min(start_s + SETTLING_AFTER_SHUTDOWN_S, end_s)
+    inside = slice(int(np.searchsorted(time, start_s)), end)
+    names = [n for n in ("case_pressure_bar", "reservoir_pressure_bar", "fluid_temperature_degc") if n in recording]
+    means: dict[str, Mean] = {}
+    for name in names:
+        mean = mean_with_error(recording[name][inside], _resolution(pump, name))
+        if mean is not None:
+            means[name] = mean
+    shortest = thresholds["pump_off_minimum_duration_s"]
+
+    def rejected(reason: str) -> tuple[Window, None]:
+        return Window(WindowKind.PUMP_OFF, start_s, end_s, False, reason, means), None
+
+    if end_s - start_s < shortest:
+        return rejected(f"lasts {end_s - start_s:.0f} s; at least {shortest:.0f} s are needed")
+    if "case_pressure_bar" not in means:
+        return rejected("case pressure has no sample here")
+    measured = "reservoir_pressure_bar" in means
+    difference = recording["case_pressure_bar"][inside].copy()
+    if measured:
+        difference -= recording["reservoir_pressure_bar"][inside]
+    else:
+        difference -= pump.nominal_reservoir_pressure_bar
+    sensor = pump.sensors["case_pressure_bar"]
+    resolution = sensor.full_scale_bar * sensor.repeatability_fs
+    halves = np.array_split(without_spikes(difference, resolution), 2)
+    a, b = (mean_with_error(half, resolution) for half in halves)
+    offset = mean_with_error(difference, resolution)
+    if a is None or b is None or offset is None:
+        return rejected("too few samples of case and reservoir pressure together")
+    drift, allowed = abs(b.mean - a.mean), 0.01 * sensor.full_scale_bar
+    if drift > allowed:
+        return rejected(f"case pressure has not settled: it moves by {drift:.3f} bar; limit {allowed:.3f} bar")
+    spread = UNMEASURED_RESERVOIR_SD_BAR if not measured else resolution
+    sd = math.hypot(offset.standard_error, resolution, spread)
+    return Window(WindowKind.PUMP_OFF, start_s, end_s, True, None, means), Zero(offset.mean, sd, measured=True)
+
+
+def _resolution(pump: PumpType, name: str) -> float:
+    sensor = pump.sensors.get(name)
+    return 0.1 * sensor.full_scale_bar * sensor.repeatability_fs if sensor else 0.0

@@ -1,0 +1,1 @@
+"""Shapes that all stations hand on: observations, verdicts, thresholds."""

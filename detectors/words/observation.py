@@ -1,0 +1,128 @@
+"""What a recording is reduced to: pump-off zero, windows with their means, and what enters a pump's history.
+
+Pressures are bar gauge; times within a record are s from its start.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from enum import StrEnum
+
+from detectors.words.signature import Droop, Spectrum
+
+
+class WindowKind(StrEnum):
+    """What a stretch of a record shows."""
+
+    PUMP_OFF = "pump_off"
+    ZERO_FLOW = "zero_flow"
+    CONSTANT_FLOW = "constant_flow"
+
+
+@dataclass(frozen=True, slots=True)
+class Mean:
+    """Mean of a channel over a window with a standard error that respects autocorrelation."""
+
+    mean: float
+    standard_error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Zero:
+    """Offset of the case sensor against the reservoir on this flight [bar].
+
+    ``measured`` is False where the record has no usable pump-off stretch: the offset is then 0 with the
+    sensor's prior spread, an unknown that the history carries.
+    """
+
+    offset_bar: float
+    standard_deviation_bar: float
+    measured: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """One stretch of a record; ``reason`` says why it was rejected, None when accepted.
+
+    ``means`` maps channel names to means over the stretch. They are as measured: no zero is taken out.
+    ``scatter_bar`` is the one-sigma of the discharge pressure's samples, None where they cannot tell.
+    """
+
+    kind: WindowKind
+    start_s: float
+    end_s: float
+    accepted: bool
+    reason: str | None
+    means: Mapping[str, Mean]
+    scatter_bar: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Reduction:
+    """All that the analysis keeps of one recording, in time order.
+
+    ``explanation`` says in one sentence why a record without an accepted zero-flow window adds nothing;
+    None when there is one. ``flags`` are quality remarks. ``spectrum`` is None where the record is too slow for one,
+    ``droop`` where it holds no step of a known load.
+    """
+
+    zero: Zero
+    windows: tuple[Window, ...]
+    explanation: str | None
+    flags: tuple[str, ...] = ()
+    spectrum: Spectrum | None = None
+    droop: Droop | None = None
+
+    @property
+    def zero_flow(self) -> Window | None:
+        """Last accepted zero-flow window: the one that a flight is judged by."""
+        accepted = [w for w in self.windows if w.accepted and w.kind is WindowKind.ZERO_FLOW]
+        return accepted[-1] if accepted else None
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """Measured against twin at the matching condition; the zero is taken out of ``measured`` [bar]."""
+
+    measured: float
+    twin: float
+    residual: float
+    standard_deviation: float
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """One record of a pump as its history sees it: the reduced flight and where it stands in event time."""
+
+    record_id: str
+    at: datetime
+    aircraft: str
+    position: str
+    flight_id: str
+    reduction: Reduction
+    flight_hours: float | None = None
+    segment: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Maintenance:
+    """Something done to the pump or around it that resets what it touches.
+
+    ``action`` is one of ``fluid_changed``, ``filter_changed``, ``setting_adjusted``, ``sensor_replaced``.
+    """
+
+    at: datetime
+    action: str
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """Everything that a verdict is a function of, apart from versions; observations in any order.
+
+    ``installed_at`` are the starts of explicit installations; a change of (aircraft, position) in event order
+    starts one as well.
+    """
+
+    observations: tuple[Observation, ...]
+    maintenance: tuple[Maintenance, ...] = ()
+    installed_at: tuple[datetime, ...] = field(default_factory=tuple)
