@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from typing import IO
 
 from service.errors import Fault, Invalid, Problem, TooLarge, Undecodable, UnknownType
+from service.ingest.file_formats import ANY_TYPE, SUFFIXES, by_suffix
 
 ZIP_TYPES = ("application/zip", "application/x-zip-compressed")
 NDJSON_TYPES = ("application/x-ndjson", "application/ndjson", "application/jsonl")
@@ -19,18 +20,6 @@ _CHUNK = 1 << 20
 _ZIP_MAGIC = (b"PK\x03\x04", b"PK\x05\x06")
 _ARCHIVES = (".zip", ".tar", ".tgz", ".7z", ".rar", ".xz", ".bz2", ".zst")
 _ARCHIVE_MAGIC = (b"PK\x03\x04", b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07", b"\xfd7zXZ\x00", b"BZh")
-_TYPES = {
-    ".csv": "text/csv",
-    ".json": "application/json",
-    ".gz": "application/gzip",
-    ".parquet": "application/vnd.apache.parquet",
-    ".h5": "application/x-hdf5",
-    ".hdf5": "application/x-hdf5",
-    ".mf4": "application/x-mdf4",
-    ".tdms": "application/x-tdms",
-    ".mat": "application/x-matlab-data",
-}
-"""Suffixes of records; other members are refused by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +70,7 @@ def archive_kind(content_type: str, head: bytes) -> str:
         when the first bytes are not what the type says.
     """
     kind = content_type.partition(";")[0].strip().lower()
-    if kind == "application/octet-stream":
+    if kind == ANY_TYPE:
         if head.startswith(_ZIP_MAGIC):
             return "zip"
         if head.lstrip().startswith(b"{"):
@@ -93,7 +82,7 @@ def archive_kind(content_type: str, head: bytes) -> str:
         return "zip"
     if kind in NDJSON_TYPES:
         return "ndjson"
-    offered = ", ".join((ZIP_TYPES[0], NDJSON_TYPES[0], "application/octet-stream"))
+    offered = ", ".join((ZIP_TYPES[0], NDJSON_TYPES[0], ANY_TYPE))
     raise UnknownType(
         f"content type {kind or '(none)'} holds no records; send one of {offered}",
         [Fault("content-type", f"{kind or 'none'} is not one of {offered}")],
@@ -224,13 +213,14 @@ def _name_fault(name: str) -> str | None:
         return "has control characters in its name"
     if name.lower().endswith((*_ARCHIVES, ".tar.gz")):
         return "is an archive itself"
-    if path.suffix.lower() not in _TYPES:
-        return f"is of no known type; known: {', '.join(_TYPES)}"
+    if by_suffix(path) is None:
+        return f"is of no known type; known: {', '.join(SUFFIXES)}"
     return None
 
 
 def _type_of(name: str) -> str:
-    return _TYPES[PurePosixPath(name).suffix.lower()]
+    named = by_suffix(PurePosixPath(name))
+    return named.content_types[0] if named else ANY_TYPE
 
 
 def _shown(name: str) -> str:

@@ -10,15 +10,9 @@ import numpy as np
 from service.errors import Fault, Undecodable
 from service.ingest.raw import MOST_FAULTS_OF_A_KIND, Limits, RawRecord, TextDialect, capped, check_size
 
-CONTENT_TYPES = ("text/csv",)
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _MISSING = frozenset({"", "nan", "NaN", "NAN", "null", "NULL", "NA"})
-
-
-def recognises(_content: bytes) -> bool:
-    """Text has no mark at its start: CSV is what nothing else recognises."""
-    return True
 
 
 def parsed(content: bytes, limits: Limits, dialect: TextDialect | None = None) -> RawRecord:

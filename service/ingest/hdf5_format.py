@@ -8,14 +8,6 @@ import numpy as np
 from service.errors import Fault, Undecodable, UnknownType
 from service.ingest.raw import Limits, RawRecord, check_size, plain
 
-CONTENT_TYPES = ("application/x-hdf5",)
-_MAGIC = b"\x89HDF\r\n\x1a\n"
-
-
-def recognises(content: bytes) -> bool:
-    """Whether the bytes begin like an HDF5 file."""
-    return content.startswith(_MAGIC)
-
 
 def parsed(content: bytes, limits: Limits) -> RawRecord:
     """Read an HDF5 record from the root or from its only group; shapes are looked at before anything is read.

@@ -4,7 +4,6 @@ import zlib
 
 from service.errors import Fault, TooLarge, Undecodable
 
-GZIP_MAGIC = b"\x1f\x8b"
 _CHUNK = 1 << 20
 
 

@@ -8,14 +8,8 @@ import numpy as np
 from service.errors import Fault, Undecodable
 from service.ingest.raw import METADATA, MOST_FAULTS_OF_A_KIND, Limits, RawRecord, capped, check_size
 
-CONTENT_TYPES = ("application/json",)
 _REPEATED = "\0repeated"
 """Key under which an object remembers the names that it was given twice; no name of a channel holds a NUL."""
-
-
-def recognises(content: bytes) -> bool:
-    """Whether the bytes begin like a JSON object."""
-    return content.lstrip()[:1] == b"{"
 
 
 def parsed(content: bytes, limits: Limits) -> RawRecord:

@@ -8,19 +8,13 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
+from service.ingest.file_formats import MATLAB
 from service.ingest.raw import Limits, RawRecord, check_size, plain
 
-CONTENT_TYPES = ("application/x-matlab-data",)
-_MAGIC = b"MATLAB 5.0 MAT-file"
 _MAGIC_OF_HDF5 = b"MATLAB 7.3 MAT-file"
 _HEADER_BYTES = 128
 _COMPRESSED = 15
 _CHUNK = 1 << 20
-
-
-def recognises(content: bytes) -> bool:
-    """Whether the bytes begin like a MATLAB file."""
-    return content.startswith((_MAGIC, _MAGIC_OF_HDF5))
 
 
 def parsed(content: bytes, limits: Limits) -> RawRecord:
@@ -36,7 +30,7 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
     if content.startswith(_MAGIC_OF_HDF5):
         fault = Fault("body", "is a MATLAB 7.3 file")
         raise Undecodable("save it with save(…, '-v7'), or write HDF5", [fault])
-    if not recognises(content):
+    if not MATLAB.begins(content):
         raise Undecodable("the body is not a MATLAB v5 file", [Fault("body", "no MATLAB 5.0 mark at its start")])
     try:
         from scipy.io import loadmat  # noqa: PLC0415 - heavy, and an extra by its name

@@ -6,16 +6,9 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
+from service.ingest.file_formats import MDF4
 from service.ingest.raw import Limits, RawRecord, check_size
 from twin.recording import TIME
-
-CONTENT_TYPES = ("application/x-mdf4",)
-_MAGIC = (b"MDF     4", b"UnFinMF 4")
-
-
-def recognises(content: bytes) -> bool:
-    """Whether the bytes begin like an MDF file of version 4."""
-    return content.startswith(_MAGIC)
 
 
 def parsed(content: bytes, limits: Limits) -> RawRecord:
@@ -30,7 +23,7 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
     Undecodable, TooLarge
         when it is no MDF4 file, holds several groups of channels, or is larger than the limits.
     """
-    if not recognises(content):
+    if not MDF4.begins(content):
         raise Undecodable("the body is not an MDF4 file", [Fault("body", "no MDF 4 mark at its start")])
     try:
         from asammdf import MDF  # noqa: PLC0415 - an extra

@@ -8,14 +8,6 @@ import numpy as np
 from service.errors import Fault, Undecodable, UnknownType
 from service.ingest.raw import Limits, RawRecord, check_size
 
-CONTENT_TYPES = ("application/vnd.apache.parquet",)
-_MAGIC = b"PAR1"
-
-
-def recognises(content: bytes) -> bool:
-    """Whether the bytes begin like a Parquet file."""
-    return content.startswith(_MAGIC)
-
 
 def parsed(content: bytes, limits: Limits) -> RawRecord:
     """Read a Parquet record; the row count is read from the footer before anything is decoded.

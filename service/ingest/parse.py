@@ -1,5 +1,6 @@
 """From bytes to columns: the adapter of a content type, found by name or by first bytes, behind bounded inflation."""
 
+from collections.abc import Mapping
 from types import ModuleType
 
 from service.errors import Fault, Problem, TooLarge, Undecodable, UnknownType
@@ -12,23 +13,32 @@ from service.ingest import (
     parquet_format,
     tdms_format,
 )
-from service.ingest.inflate import GZIP_MAGIC, inflated
+from service.ingest.file_formats import (
+    ANY_TYPE,
+    CONTENT_TYPES,
+    CSV,
+    FORMATS,
+    GZIP,
+    HDF5,
+    JSON,
+    MATLAB,
+    MDF4,
+    PARQUET,
+    TDMS,
+    FileFormat,
+)
+from service.ingest.inflate import inflated
 from service.ingest.raw import Limits, RawRecord, TextDialect
 
-_ADAPTERS: tuple[ModuleType, ...] = (
-    parquet_format,
-    hdf5_format,
-    mdf4_format,
-    tdms_format,
-    matlab_format,
-    json_format,
-    csv_format,
-)
-"""One file per format; the order is that of recognition by first bytes, CSV being what remains."""
-_GZIP_TYPES = ("application/gzip", "application/x-gzip")
-ANY_TYPE = "application/octet-stream"
-CONTENT_TYPES: tuple[str, ...] = (*(t for a in _ADAPTERS for t in a.CONTENT_TYPES), _GZIP_TYPES[0], ANY_TYPE)
-"""Every content type that an upload may have."""
+_READERS: Mapping[FileFormat, ModuleType] = {
+    PARQUET: parquet_format,
+    HDF5: hdf5_format,
+    MDF4: mdf4_format,
+    TDMS: tdms_format,
+    MATLAB: matlab_format,
+    JSON: json_format,
+    CSV: csv_format,
+}
 
 
 def check_type(content_type: str, content_encoding: str) -> None:
@@ -42,7 +52,7 @@ def check_type(content_type: str, content_encoding: str) -> None:
     kind, encoding = _names(content_type, content_encoding)
     if encoding not in ("", "identity", "gzip", "x-gzip"):
         raise UnknownType(f"content encoding {encoding!r} is not understood: send gzip or none")
-    if kind not in (*CONTENT_TYPES, *_GZIP_TYPES):
+    if kind not in (*CONTENT_TYPES, *GZIP.content_types):
         offered = ", ".join(CONTENT_TYPES)
         fault = Fault("content-type", f"{kind or 'none'} is not one of {offered}")
         raise UnknownType(f"content type {kind or '(none)'} is not understood; send one of {offered}", [fault])
@@ -62,26 +72,27 @@ def parsed(
     if not content:
         raise Undecodable("the body is empty: send the record's bytes", [Fault("body", "is empty")])
     kind, encoding = _names(content_type, content_encoding)
-    zipped = kind in _GZIP_TYPES or encoding in ("gzip", "x-gzip")
-    if zipped and not content.startswith(GZIP_MAGIC):
+    zipped = kind in GZIP.content_types or encoding in ("gzip", "x-gzip")
+    if zipped and not GZIP.begins(content):
         raise Undecodable("the body is said to be gzip and is not", [Fault("body", "no gzip mark at its start")])
-    if zipped or (kind == ANY_TYPE and content.startswith(GZIP_MAGIC)):
+    if zipped or (kind == ANY_TYPE and GZIP.begins(content)):
         content = inflated(content, limits.inflated_bytes)
         if not content.strip():
             raise Undecodable("the gzip file is empty", [Fault("body", "is empty")])
-    named = [a for a in _ADAPTERS if kind in a.CONTENT_TYPES]
-    adapter = named[0] if named else next(a for a in _ADAPTERS if a.recognises(content))
-    return _read(adapter, content, limits, dialect or TextDialect())
+    named = next((f for f in FORMATS if kind in f.content_types), None)
+    return _read(named or next(f for f in FORMATS if f.begins(content)), content, limits, dialect or TextDialect())
 
 
 def _names(content_type: str, content_encoding: str) -> tuple[str, str]:
     return content_type.partition(";")[0].strip().lower(), content_encoding.strip().lower()
 
 
-def _read(adapter: ModuleType, content: bytes, limits: Limits, dialect: TextDialect) -> RawRecord:
+def _read(file_format: FileFormat, content: bytes, limits: Limits, dialect: TextDialect) -> RawRecord:
     try:
         raw: RawRecord = (
-            csv_format.parsed(content, limits, dialect) if adapter is csv_format else adapter.parsed(content, limits)
+            csv_format.parsed(content, limits, dialect)
+            if file_format is CSV
+            else _READERS[file_format].parsed(content, limits)
         )
     except Problem:
         raise
@@ -89,6 +100,7 @@ def _read(adapter: ModuleType, content: bytes, limits: Limits, dialect: TextDial
         raise TooLarge("the file needs more memory to decode than the limit allows: split the record") from None
     except Exception as error:  # readers of foreign binary formats raise whatever damaged bytes lead them to
         what = f"{type(error).__name__}: {error}"[:200]
-        name = adapter.CONTENT_TYPES[0]
-        raise Undecodable(f"the body is not readable as {name}", [Fault("body", what)]) from None
+        raise Undecodable(
+            f"the body is not readable as {file_format.content_types[0]}", [Fault("body", what)]
+        ) from None
     return raw

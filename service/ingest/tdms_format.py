@@ -6,16 +6,9 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
+from service.ingest.file_formats import TDMS
 from service.ingest.raw import Limits, RawRecord, check_size, plain
 from twin.recording import TIME
-
-CONTENT_TYPES = ("application/x-tdms",)
-_MAGIC = b"TDSm"
-
-
-def recognises(content: bytes) -> bool:
-    """Whether the bytes begin like a TDMS file."""
-    return content.startswith(_MAGIC)
 
 
 def parsed(content: bytes, limits: Limits) -> RawRecord:
@@ -30,7 +23,7 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
     Undecodable, TooLarge
         when it is no TDMS file, holds several groups, or is larger than the limits.
     """
-    if not recognises(content):
+    if not TDMS.begins(content):
         raise Undecodable("the body is not a TDMS file", [Fault("body", "no TDSm mark at its start")])
     try:
         from nptdms import TdmsFile  # noqa: PLC0415 - an extra

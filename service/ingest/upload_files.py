@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from glob import glob
 from pathlib import Path
 
-SUFFIXES = (".csv", ".json", ".gz", ".parquet", ".h5", ".hdf5", ".mf4", ".tdms", ".mat")
-"""What is taken from a folder; a file that is named is taken whatever it is called."""
-_CONTENT_TYPES = {".csv": "text/csv", ".json": "application/json", ".gz": "application/gzip"}
+from service.ingest.file_formats import ANY_TYPE, CSV, GZIP, JSON, SUFFIXES, by_suffix
 
 
 def content_type_of(path: Path) -> str:
-    """Content type by a file's suffix; binary formats are recognised by their first bytes."""
-    return _CONTENT_TYPES.get(path.suffix.lower(), "application/octet-stream")
+    """Content type by a file's suffix; what has a mark of its own at its start is recognised by it."""
+    named = by_suffix(path)
+    return named.content_types[0] if named in (CSV, JSON, GZIP) else ANY_TYPE
 
 
 def files_of(places: Sequence[str]) -> tuple[list[Path], list[str]]:

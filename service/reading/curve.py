@@ -1,11 +1,9 @@
-"""Damage identification curve of a stored pump, as the API shows it and as PNG."""
+"""Damage identification curve of a stored pump, as the API shows it."""
 
-import io
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from typing import Any
 
-from matplotlib.figure import Figure
 from sqlalchemy.orm import Session
 
 from detectors.curve.points import AXES, Curve, damage_identification_curve, latest_condition
@@ -64,29 +62,3 @@ def curve_document(curve: Curve) -> dict[str, Any]:
         "points": [asdict(point) for point in curve.points],
         "directions": {name: asdict(direction) for name, direction in curve.directions.items()},
     }
-
-
-def curve_png(curve: Curve, title: str) -> bytes:
-    """Curve as a PNG picture."""
-    figure = Figure(figsize=(8.2, 5.2), layout="constrained")
-    axes = figure.add_subplot()
-    xs = [p.x for p in curve.curve]
-    axes.fill_between(
-        xs, [p.low for p in curve.curve], [p.high for p in curve.curve], color="#cfe0f1", label="90 % of healthy pumps"
-    )
-    axes.plot(xs, [p.y for p in curve.curve], color="#1f5f99", label="healthy pump, growing demand")
-    if curve.points:
-        axes.scatter(
-            [p.x for p in curve.points],
-            [p.y for p in curve.points],
-            facecolors="none",
-            edgecolors="#5a6675",
-            label="records",
-        )
-        axes.scatter(curve.points[-1].x, curve.points[-1].y, color="#1b2430", zorder=3, label="latest")
-    axes.set(xlabel="discharge pressure [bar]", ylabel="case minus reservoir pressure [bar]", title=title)
-    axes.grid(color="#e1e6ec")
-    axes.legend(frameon=False)
-    out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=110)
-    return out.getvalue()

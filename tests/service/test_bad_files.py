@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from service.demo.fleet import DemoRecord
 from service.errors import Fault, Invalid, Problem, TooLarge, Undecodable, UnknownType
 from service.ingest.decode import DecodedRecord, Limits, checked, decode
-from service.ingest.parse import CONTENT_TYPES
+from service.ingest.file_formats import CONTENT_TYPES
 from service.ingest.parser_pool import ParserLimits, ParserPool
 from tests.service.records import METADATA, body, document
 from tests.service.test_formats import WRITERS

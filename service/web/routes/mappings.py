@@ -13,9 +13,9 @@ from service.access import audit
 from service.access.security import Principal
 from service.context import Context
 from service.errors import Conflict, Fault, Invalid, NotFound, PreconditionRequired, StaleVersion, TooLarge
+from service.ingest.file_formats import ANY_TYPE
 from service.ingest.mapping import ChannelMapping
 from service.ingest.mappings import append_version, latest_mapping, mapping_version, mappings
-from service.ingest.parse import ANY_TYPE
 from service.ingest.preview import preview
 from service.storage.tables import StoredMapping
 from service.web.dependencies import Asker, ContextOf

@@ -12,9 +12,10 @@ from service.access import audit
 from service.errors import Conflict
 from service.monitoring.refold import verdict_known_at
 from service.reading import queries
-from service.reading.curve import curve_of, curve_png
+from service.reading.curve import curve_of
 from service.reading.fleet import pump_documents
 from service.reading.forecast import forecast_of
+from service.reading.raster import png_of
 from service.reading.trend import check_metric, trend_of
 from service.registry import pumps as registry
 from service.registry.fields import Instant
@@ -172,7 +173,7 @@ def curve(
     if form == "svg":
         return Response(curve_svg(found.curve, f"pump {serial}"), media_type="image/svg+xml")
     if form == "png":
-        return Response(curve_png(found.curve, f"pump {serial}"), media_type="image/png")
+        return Response(png_of(curve_svg(found.curve, f"pump {serial}")), media_type="image/png")
     return found.document
 
 

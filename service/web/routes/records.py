@@ -9,10 +9,10 @@ from starlette.concurrency import run_in_threadpool
 from service.access.security import Principal
 from service.context import Context
 from service.errors import Fault, Invalid
+from service.ingest.file_formats import CONTENT_TYPES
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.mappings import mapping_version
 from service.ingest.metadata import KNOWN
-from service.ingest.parse import CONTENT_TYPES
 from service.monitoring.acceptance import Upload
 from service.monitoring.withdrawal import withdraw_record
 from service.reading import queries
