@@ -8,7 +8,6 @@ freedom), so that one outlier costs a hypothesis a bounded amount.
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
@@ -26,14 +25,12 @@ from detectors.bank.hypotheses import (
 from detectors.bank.kernel import N_MEASURED, ZERO, advance, step
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import N_FEATURES, Regulation
+from detectors.bank.shapes import Array, Base, Filters, History, Integers, Kinds, Reading, Walks
 from detectors.bank.summary import ARRIVAL, RAMP, STEP, spawned
 from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import AMPLITUDE, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
 from detectors.words.verdict import State
 from twin.parameters import PumpType
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 HEALTHY = -1
 SPAWN_EVERY = 4
@@ -78,9 +75,14 @@ _MOST_ONSETS = np.array(
 _MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
 _IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
 _BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
+"""Lead [nat] over all rivals, and records since it set in, from which a healthy change is taken for granted (estimate: as much
+as an alarm asks for)."""
+_LEVEL_EVIDENCE = 1.0
+"""Lead that is as good as none [nat] (estimate)."""
 _BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
 _OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
+_KINDS = Kinds(DIRECTIONS, _SCALES, _LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
 _AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
 _RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
 _RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
@@ -118,6 +120,23 @@ class Measurement:
     reservoir_measured: bool
     regulation: Array = field(default_factory=lambda: _UNSEEN)
 
+    @property
+    def reading(self) -> Reading:
+        """What the filters take of it."""
+        return Reading(self.anchor, self.ripple, self.values, self.noise, self.seen)
+
+
+def _empty() -> Filters:
+    return Filters(
+        mean=np.zeros((_CAPACITY, N_STATE)),
+        covariance=np.zeros((_CAPACITY, N_STATE, N_STATE)),
+        kind=np.full(_CAPACITY, HEALTHY),
+        shape=np.zeros(_CAPACITY, dtype=np.int64),
+        onset=np.zeros(_CAPACITY, dtype=np.int64),
+        log_evidence=np.zeros(_CAPACITY),
+        setting_at_onset=np.zeros(_CAPACITY),
+    )
+
 
 @dataclass(slots=True)
 class Bank:
@@ -125,36 +144,25 @@ class Bank:
 
     Attributes
     ----------
-    mean, covariance
-        Shapes (M, N_STATE) and (M, N_STATE, N_STATE); the first ``n`` rows count.
-    kind, shape, onset
-        Index into ``FAULT_KINDS`` (-1: healthy), ``STEP`` or ``RAMP``, and the record number at which the fault
-        sets in, shape (M,).
+    filters
+        Of these the first ``n`` count.
     alive
         How much of the state is alive: N_SLOW as long as the history held no line, N_LINES no window under load, all.
-    log_evidence
-        Log of prior times product of predictive densities, shape (M,).
-    setting_at_onset
-        The setting when the fault set in, shape (M,).
+    learnt
+        Measurements of each record since the base.
+    base
+        Where the history begins that filters are fitted anew to.
     """
 
     pump: PumpType
-    mean: Array = field(default_factory=lambda: np.zeros((_CAPACITY, N_STATE)))
-    covariance: Array = field(default_factory=lambda: np.zeros((_CAPACITY, N_STATE, N_STATE)))
-    kind: Integers = field(default_factory=lambda: np.full(_CAPACITY, HEALTHY))
-    shape: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
-    onset: Integers = field(default_factory=lambda: np.zeros(_CAPACITY, dtype=np.int64))
-    log_evidence: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
-    setting_at_onset: Array = field(default_factory=lambda: np.zeros(_CAPACITY))
+    filters: Filters = field(default_factory=_empty)
     alive: int = N_SLOW
     lines_seen: bool = False
     n: int = 1
     records: int = 0
     reservoir_measured: bool = True
     learnt: list[tuple[Measurement, ...]] = field(default_factory=list)
-    base_mean: Array = field(default_factory=lambda: np.zeros(N_STATE))
-    base_covariance: Array = field(default_factory=lambda: np.zeros((N_STATE, N_STATE)))
-    base_records: int = 0
+    base: Base = field(init=False)
     regulation: Regulation = field(default_factory=Regulation)
 
     def __post_init__(self) -> None:
@@ -163,22 +171,24 @@ class Bank:
         self.n = 1 + len(ARRIVAL_KINDS)
         for row in range(self.n):
             if row > 0:
-                self.kind[row], self.shape[row] = names.index(ARRIVAL_KINDS[row - 1]), ARRIVAL
+                self.filters.kind[row], self.filters.shape[row] = names.index(ARRIVAL_KINDS[row - 1]), ARRIVAL
             self._begin(row)
-        self.base_mean, self.base_covariance = self.mean[0].copy(), self.covariance[0].copy()
+        self._rebase()
 
     def _begin(self, row: int) -> None:
         """Set a filter that is alive from the first record to its prior."""
         mean, sd = prior(self.pump)
-        self.mean[row], self.covariance[row] = mean, np.diag(sd**2)
-        self.log_evidence[row] = 0.0
-        if self.shape[row] == ARRIVAL:
-            self.mean[row, AMPLITUDE], spread = ARRIVAL_LEAKAGE_LPM
-            self.covariance[row, AMPLITUDE, AMPLITUDE] = spread**2
-            self.log_evidence[row] = _LOG_ARRIVAL
+        filters = self.filters
+        filters.mean[row], filters.covariance[row] = mean, np.diag(sd**2)
+        filters.log_evidence[row] = 0.0
+        if filters.shape[row] == ARRIVAL:
+            filters.mean[row, AMPLITUDE], spread = ARRIVAL_LEAKAGE_LPM
+            filters.covariance[row, AMPLITUDE, AMPLITUDE] = spread**2
+            filters.log_evidence[row] = _LOG_ARRIVAL
 
     def learn(self, measurements: tuple[Measurement, ...]) -> None:
         """Take one record's windows: let time pass, weigh and update every filter."""
+        filters = self.filters
         self._pass_time()
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
@@ -186,40 +196,42 @@ class Bank:
             iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
             self._take(measurement, iterations)
             self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
-        self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
+        filters.log_evidence[: self.n] -= filters.log_evidence[: self.n].max()
         self.records += 1
         self.learnt.append(measurements)
         self._accept()
-        if self.records - self.base_records in _FITTED_ANEW_AT:
-            if self.records - self.base_records >= _LONG:
+        if self.records - self.base.records in _FITTED_ANEW_AT:
+            if self.records - self.base.records >= _LONG:
                 self._keep(self._worth_a_fit())
             self._fit_anew()
-        settled = self.records == ARRIVAL_RECORDS and self.log_evidence[0] >= self.log_evidence[: self.n].max() - 1.0
+        evidence = filters.log_evidence[: self.n]
+        settled = self.records == ARRIVAL_RECORDS and evidence[0] >= evidence.max() - _LEVEL_EVIDENCE
         # half a bar of unknown reservoir pressure is as much as a worn pump makes: without the sensor nobody can say
         if settled or not self.reservoir_measured:
-            self._keep(np.flatnonzero(self.shape[: self.n] != ARRIVAL))
+            self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
 
     def _accept(self) -> None:
         """Let the healthy pump go on from where a healthy change took it, once that is beyond doubt."""
-        n = self.n
-        if self.log_evidence[0] > -_BEYOND_DOUBT:
+        n, filters = self.n, self.filters
+        if filters.log_evidence[0] > -_BEYOND_DOUBT:
             return  # nothing lies that far above the healthy pump
-        changed = np.flatnonzero(_IS_HEALTHY[self.kind[:n]] & (self.onset[:n] <= self.records - _BEYOND_DOUBT_RECORDS))
+        old = filters.onset[:n] <= self.records - _BEYOND_DOUBT_RECORDS
+        changed = np.flatnonzero(_IS_HEALTHY[filters.kind[:n]] & old)
         if not len(changed):
             return
-        likeliest = changed[self.log_evidence[changed].argmax()]
-        gone = self.kind[likeliest] == GONE
+        likeliest = changed[filters.log_evidence[changed].argmax()]
+        gone = filters.kind[likeliest] == GONE
         # a fault that is gone leaves nothing of what was thought of it; a new fluid says nothing of other faults
-        rivals = np.flatnonzero(self.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
-        if self.log_evidence[likeliest] < self.log_evidence[rivals].max() + _BEYOND_DOUBT:
+        rivals = np.flatnonzero(filters.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
+        if filters.log_evidence[likeliest] < filters.log_evidence[rivals].max() + _BEYOND_DOUBT:
             return
         into = np.eye(N_STATE)
-        for name, share in FAULT_KINDS[self.kind[likeliest]].moves:
+        for name, share in FAULT_KINDS[filters.kind[likeliest]].moves:
             into[PLACE[name], AMPLITUDE] = share
         into[AMPLITUDE] = into[RATE] = 0.0
-        self.mean[0] = into @ self.mean[likeliest]
-        self.covariance[0] = into @ self.covariance[likeliest] @ into.T
-        self.log_evidence[0] = self.log_evidence[likeliest]
+        filters.mean[0] = into @ filters.mean[likeliest]
+        filters.covariance[0] = into @ filters.covariance[likeliest] @ into.T
+        filters.log_evidence[0] = filters.log_evidence[likeliest]
         self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
         self._rebase()
 
@@ -227,123 +239,73 @@ class Bank:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
         self._take(measurement, 1)
         self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
-        self.log_evidence[: self.n] -= self.log_evidence[: self.n].max()
+        self.filters.log_evidence[: self.n] -= self.filters.log_evidence[: self.n].max()
         self.learnt[-1] = (*self.learnt[-1], measurement)
 
     def _worth_a_fit(self) -> Integers:
         """Filters that the data do not speak against, and the oldest step of each kind: it says what would be found."""
-        kind, shape = self.kind[: self.n], self.shape[: self.n]
+        n, filters = self.n, self.filters
+        kind, shape, onset = filters.kind[:n], filters.shape[:n], filters.onset[:n]
         prior = np.where(kind == HEALTHY, 0.0, _LOG_PRIORS[shape, kind])
-        by_data = self.log_evidence[: self.n] - prior - self.log_evidence[0]
-        kept = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS)
-        steps, onset, oldest = shape == STEP, self.onset[: self.n], np.full(N_KINDS + 1, self.records)
+        by_data = filters.log_evidence[:n] - prior - filters.log_evidence[0]
+        worth = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS)
+        steps, oldest = shape == STEP, np.full(N_KINDS + 1, self.records)
         np.minimum.at(oldest, kind[steps], onset[steps])
-        return np.flatnonzero(kept | (steps & (onset == oldest[kind])))
+        return np.flatnonzero(worth | (steps & (onset == oldest[kind])))
 
     def _fit_anew(self) -> None:
         """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""
-        n = self.n
-        kind = self.kind[:n]
-        rows = np.flatnonzero((kind == HEALTHY) | ((kind != GONE) & (self.onset[:n] >= self.base_records)))
-        held = self.log_evidence[0]
-        taken = [(i, m) for i, measurements in enumerate(self.learnt) for m in measurements]
-        seen = np.zeros((len(taken), N_MEASURED), dtype=np.bool_)
-        for place, (_, m) in enumerate(taken):
+        n, filters = self.n, self.filters
+        kind = filters.kind[:n]
+        rows = np.flatnonzero((kind == HEALTHY) | ((kind != GONE) & (filters.onset[:n] >= self.base.records)))
+        before = filters.log_evidence[0]
+        fit_anew(filters, rows, self.base, _KINDS, self._walks(), self._history(), self.alive, _MOST_PASSES)
+        filters.log_evidence[rows] += before - filters.log_evidence[0]
+        filters.log_evidence[:n] -= filters.log_evidence[:n].max()
+
+    def _history(self) -> History:
+        """Everything learnt since the base."""
+        numbered = [(i, m) for i, measurements in enumerate(self.learnt) for m in measurements]
+        seen = np.zeros((len(numbered), N_MEASURED), dtype=np.bool_)
+        for place, (_, m) in enumerate(numbered):
             seen[place, m.seen] = True
-        amplitude, rate, setting = self._wander()
-        fit_anew(
-            self.mean,
-            self.covariance,
-            self.kind,
-            self.shape,
-            self.onset,
-            self.log_evidence,
-            self.setting_at_onset,
-            rows,
-            self.base_mean,
-            self.base_covariance,
-            self.base_records,
-            _SCALES,
-            RAMP_RECORDS,
-            np.array(ARRIVAL_LEAKAGE_LPM),
-            _LOG_PRIORS,
-            self._walk(),
-            amplitude,
-            rate,
-            setting,
-            DIRECTIONS,
-            np.array([m.anchor for _, m in taken]),
-            np.array([m.ripple for _, m in taken]),
-            np.array([m.values for _, m in taken]),
-            np.array([m.noise for _, m in taken]),
-            seen,
-            np.array([self.base_records + i for i, _ in taken]),
-            self.alive,
-            _MOST_PASSES,
+        return History(
+            anchors=np.array([m.anchor for _, m in numbered]),
+            ripples=np.array([m.ripple for _, m in numbered]),
+            values=np.array([m.values for _, m in numbered]),
+            noises=np.array([m.noise for _, m in numbered]),
+            seen=seen,
+            record=np.array([self.base.records + i for i, _ in numbered]),
         )
-        self.log_evidence[rows] += held - self.log_evidence[0]
-        self.log_evidence[:n] -= self.log_evidence[:n].max()
 
     def _rebase(self) -> None:
         """Let the history that fits go back to begin here; what set in before keeps the filter that it has."""
-        self.base_mean, self.base_covariance = self.mean[0].copy(), self.covariance[0].copy()
-        self.base_records = self.records
+        self.base = Base(self.filters.mean[0].copy(), self.filters.covariance[0].copy(), self.records)
         self.learnt.clear()
 
-    def _walk(self) -> Array:
-        if self.reservoir_measured:
-            return _WALK
-        walk = _WALK.copy()
-        walk[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
-        return walk
-
-    def _wander(self) -> tuple[Array, Array, Array]:
-        """Variance of each filter's amplitude, of its rate and of a setting that moves beside it, per record."""
-        kinds, shape = self.kind[: self.n], self.shape[: self.n]
-        return _AMPLITUDE_VARIANCE[shape, kinds], _RATE_VARIANCE[shape, kinds], _SETTING_VARIANCE[kinds]
+    def _walks(self) -> Walks:
+        """Variances per record: of the state, of each filter's amplitude and rate, of a setting that moves beside it."""
+        kinds, shape = self.filters.kind[: self.n], self.filters.shape[: self.n]
+        state = _WALK
+        if not self.reservoir_measured:
+            state = _WALK.copy()
+            state[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
+        return Walks(state, _AMPLITUDE_VARIANCE[shape, kinds], _RATE_VARIANCE[shape, kinds], _SETTING_VARIANCE[kinds])
 
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
-        advance(self.mean, self.covariance, self.n, self._walk(), *self._wander())
+        advance(self.filters, self.n, self._walks())
         self.regulation.pass_time()
 
     def _take(self, measurement: Measurement, iterations: int) -> None:
         lines, loaded = measurement.seen[-1] > ZERO, measurement.anchor[_LOAD] > _LEAST_LOAD_LPM
         self.lines_seen = self.lines_seen or bool(lines)
         self.alive = max(self.alive, N_STATE if loaded else N_LINES if lines else N_SLOW)
-        step(
-            self.mean,
-            self.covariance,
-            self.kind,
-            self.log_evidence,
-            self.n,
-            DIRECTIONS,
-            measurement.anchor,
-            measurement.ripple,
-            measurement.values,
-            measurement.noise,
-            measurement.seen,
-            self.alive,
-            iterations,
-        )
+        step(self.filters, self.n, DIRECTIONS, measurement.reading, self.alive, iterations)
 
     def spawn(self) -> None:
         """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way."""
-        self.n = spawned(
-            self.mean,
-            self.covariance,
-            self.kind,
-            self.shape,
-            self.onset,
-            self.log_evidence,
-            self.setting_at_onset,
-            self.n,
-            self.records,
-            _SCALES[:-1],
-            RAMP_RECORDS,
-            _LOG_PRIORS,
-            self._most_onsets(),
-        )
+        self.n = spawned(self.filters, self.n, self.records, _KINDS, self._most_onsets())
         self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:
@@ -361,7 +323,7 @@ class Bank:
         Faults of those components are forgotten with what they were.
         """
         touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
-        self._keep(np.flatnonzero(~touched[self.kind[: self.n]]))
+        self._keep(np.flatnonzero(~touched[self.filters.kind[: self.n]]))
         if "setting" in components:
             # the compensator was opened: it regulates as it does now
             self.regulation = Regulation()
@@ -373,20 +335,12 @@ class Bank:
     def _keep(self, rows: Integers) -> None:
         """Drop every filter but these, in their order."""
         n = len(rows)
-        for array in (
-            self.mean,
-            self.covariance,
-            self.kind,
-            self.shape,
-            self.onset,
-            self.log_evidence,
-            self.setting_at_onset,
-        ):
+        for array in self.filters:
             array[:n] = array[rows]
         self.n = n
 
     def _forget(self, place: int, sd: float) -> None:
-        covariance = self.covariance[: self.n]
+        covariance = self.filters.covariance[: self.n]
         covariance[:, place, :] = 0.0
         covariance[:, :, place] = 0.0
         covariance[:, place, place] = sd**2
@@ -395,6 +349,6 @@ class Bank:
         place = PLACE["reservoir"]
         spread = MEASURED_RESERVOIR_SD_BAR if measured else self.pump.population["reservoir_pressure_bar"].value
         self._forget(place, spread)
-        self.mean[: self.n, place] = 0.0
+        self.filters.mean[: self.n, place] = 0.0
         self.reservoir_measured = measured
         self._rebase()

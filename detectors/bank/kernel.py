@@ -1,10 +1,11 @@
 """One step of every filter of a bank: predict, weigh, update. Compiled; plain arrays, nothing allocated per filter."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from detectors.bank.shapes import Array, Filters, Reading, Walks
 from detectors.expectation.components import (
     AMPLITUDE,
     CASE_OFFSET,
@@ -20,10 +21,9 @@ from detectors.expectation.components import (
 from detectors.expectation.reduced_twin import pressures
 from twin.compiled import compiled
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 STUDENT_DEGREES = 5.0
+"""Degrees of freedom of the predictive densities (estimate): heavy tails, so that an outlier of any size costs a bounded
+amount, and still a finite variance and kurtosis."""
 N_MEASURED = 6
 """Discharge pressure, case pressure, zero of the case sensor, order n of both pressures, line at once per turn."""
 DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
@@ -31,7 +31,7 @@ DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
 N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
 """A slope for every place of the state, and after them one for every component that only a fault moves."""
 _IMPOSSIBLE = -50.0
-"""Log density of a measurement that a filter cannot weigh."""
+"""Log density of a measurement that a filter cannot weigh (estimate: far below any outlier's, and no infinity) [nat]."""
 
 
 @compiled
@@ -125,10 +125,17 @@ def _less(P: Array, W: Array, k: int, n: int) -> None:
                     P[i, j] -= u * W[a, j]
 
 
-@compiled
-def workspace() -> tuple[Array, Array]:
+class Scratch(NamedTuple):
     """Room for ``take``: rows as wide as the slopes, and the small matrices of what was measured."""
-    return np.empty((3 * N_MEASURED + 4, N_SLOPES)), np.empty((3 * N_MEASURED + 5, N_MEASURED))
+
+    wide: Array
+    small: Array
+
+
+@compiled
+def scratch() -> Scratch:
+    """Room for ``take``, made once for all filters."""
+    return Scratch(np.empty((3 * N_MEASURED + 4, N_SLOPES)), np.empty((3 * N_MEASURED + 5, N_MEASURED)))
 
 
 @compiled
@@ -136,18 +143,12 @@ def take(
     m: Array,
     P: Array,
     direction: Array,
-    anchor: Array,
-    ripple: Array,
-    values: Array,
-    noise: Array,
-    seen: Integers,
-    k: int,
+    reading: Reading,
     n: int,
     iterations: int,
     point: Array,
     wander: Array,
-    wide: Array,
-    small: Array,
+    room: Scratch,
 ) -> float:
     """Take one measurement into one filter, in place; logarithm of its predictive density (without constants).
 
@@ -155,12 +156,8 @@ def take(
     ----------
     m, P
         Mean and covariance, shapes (N,) and (N, N).
-    direction, anchor, ripple
-        What the filter's amplitude moves, the nominal twin at the condition, and its order n.
-    values, noise
-        What was measured, shape (6,), and its covariance, shape (6, 6).
-    seen, k
-        Which of the six were measured, in rising order: the first k entries.
+    direction, reading
+        What the filter's amplitude moves, and what was measured.
     n
         How much of the state is alive (``Bank.alive``).
     iterations
@@ -170,9 +167,12 @@ def take(
     wander
         Variance by which the state may have moved between here and ``point``, shape (N,), where that was fitted to a
         whole history and may say by itself that this measurement is an outlier; empty where it was not.
-    wide, small
-        From ``workspace``.
+    room
+        From ``scratch``.
     """
+    anchor, ripple, values, noise, seen = reading
+    wide, small = room
+    k = len(seen)
     # n is no constant: loops of known length would be unrolled and done one number at a time
     H, PH, W = wide[:N_MEASURED], wide[N_MEASURED : 2 * N_MEASURED], wide[2 * N_MEASURED : 3 * N_MEASURED]
     slopes, full = wide[3 * N_MEASURED : 3 * N_MEASURED + 3], wide[3 * N_MEASURED + 3]
@@ -183,15 +183,7 @@ def take(
         predicted(point, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
         for a in range(k):
             ia = seen[a]
-            innovation[a] = values[ia] - y[ia]
-            for j in range(n):
-                PH[a, j] = 0.0
-            for i in range(n):
-                slope = H[ia, i]
-                if slope != 0.0:
-                    innovation[a] -= slope * (m[i] - point[i])
-                    for j in range(n):
-                        PH[a, j] += slope * P[i, j]
+            innovation[a] = _projected(values[ia] - y[ia], H[ia], m, P, point, n, PH[a])
             for b in range(a + 1):
                 total = 0.0
                 for j in range(n):
@@ -207,7 +199,7 @@ def take(
         if iteration == 0:
             log_density = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k) * math.log1p(distance / STUDENT_DEGREES)
         if len(wander) > 0:
-            distance = max(distance, _residual_distance(H, values, y, noise, seen, k, n, wander, small))
+            distance = max(distance, _residual_distance(H, y, reading, n, wander, small))
         inflation = max(1.0, (STUDENT_DEGREES + distance) / (STUDENT_DEGREES + k))
         if inflation > 1.0:
             for a in range(k):
@@ -236,10 +228,24 @@ def take(
 
 
 @compiled
-def _residual_distance(
-    H: Array, values: Array, y: Array, noise: Array, seen: Integers, k: int, n: int, wander: Array, small: Array
-) -> float:
+def _projected(off: float, h: Array, m: Array, P: Array, point: Array, n: int, row: Array) -> float:
+    """``row = h P`` over the living n; what is left of ``off``, measured at ``point``, at the mean."""
+    for j in range(n):
+        row[j] = 0.0
+    for i in range(n):
+        slope = h[i]
+        if slope != 0.0:
+            off -= slope * (m[i] - point[i])
+            for j in range(n):
+                row[j] += slope * P[i, j]
+    return off
+
+
+@compiled
+def _residual_distance(H: Array, y: Array, reading: Reading, n: int, wander: Array, small: Array) -> float:
     """Squared distance of what was measured from what the linearisation point says, in noise and wander."""
+    values, noise, seen = reading.values, reading.noise, reading.seen
+    k = len(seen)
     L, residual, white = (
         small[2 * N_MEASURED + 3 : 3 * N_MEASURED + 3],
         small[3 * N_MEASURED + 3],
@@ -259,53 +265,24 @@ def _residual_distance(
 
 
 @compiled
-def step(
-    mean: Array,
-    covariance: Array,
-    kind: Integers,
-    log_evidence: Array,
-    n_filters: int,
-    directions: Array,
-    anchor: Array,
-    ripple: Array,
-    values: Array,
-    noise: Array,
-    seen: Integers,
-    n: int,
-    iterations: int,
-) -> None:
-    """Take one measurement into every filter, in place.
+def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, n: int, iterations: int) -> None:
+    """Take one measurement into the first ``n_filters`` filters, in place.
 
     Parameters
     ----------
-    mean, covariance, kind, log_evidence
-        The bank, shapes (M, N), (M, N, N), (M,), (M,); the first ``n_filters`` count. Kind -1 is the healthy pump.
     directions
-        What each kind moves, shape (n_kinds + 1, N_COMPONENTS); the last row, zeros, serves the healthy pump.
-    anchor, ripple, values, noise, seen, n, iterations
-        As in ``take``, ``seen`` of shape (k,).
+        What each kind moves (``Kinds.directions``).
+    reading, n, iterations
+        As in ``take``.
     """
-    wide, small = workspace()
+    mean, covariance, kind, log_evidence = filters.mean, filters.covariance, filters.kind, filters.log_evidence
+    room = scratch()
     point, nowhere = np.empty(N_STATE), np.empty(0)
     for f in range(n_filters):
         for i in range(N_STATE):
             point[i] = mean[f, i]
         log_evidence[f] += take(
-            mean[f],
-            covariance[f],
-            directions[kind[f]],
-            anchor,
-            ripple,
-            values,
-            noise,
-            seen,
-            len(seen),
-            n,
-            iterations,
-            point,
-            nowhere,
-            wide,
-            small,
+            mean[f], covariance[f], directions[kind[f]], reading, n, iterations, point, nowhere, room
         )
 
 
@@ -324,33 +301,28 @@ def _whitened(L: Array, innovation: Array, white: Array, k: int) -> tuple[float,
 
 
 @compiled
-def advance(
-    mean: Array,
-    covariance: Array,
-    n_filters: int,
-    walk: Array,
-    amplitude_walk: Array,
-    rate_walk: Array,
-    setting_walk: Array,
-) -> None:
-    """From one record to the next, in place: amplitudes grow by their rate, every component wanders.
-
-    ``walk`` holds variances, shape (N,); ``amplitude_walk``, ``rate_walk`` and ``setting_walk`` those of each filter's
-    amplitude, of its rate, and of the setting on top of its own, shape (M,).
-    """
+def advance(filters: Filters, n_filters: int, walks: Walks) -> None:
+    """From one record to the next, in place: amplitudes grow by their rate, every component wanders."""
     for f in range(n_filters):
-        m, P = mean[f], covariance[f]
-        if P[RATE, RATE] > 0.0:
-            m[AMPLITUDE] += m[RATE]
-            for i in range(N_STATE):
-                P[AMPLITUDE, i] += P[RATE, i]
-            for i in range(N_STATE):
-                P[i, AMPLITUDE] += P[i, RATE]
+        wandered(
+            filters.mean[f], filters.covariance[f], walks.state, walks.amplitude[f], walks.rate[f], walks.setting[f]
+        )
+
+
+@compiled
+def wandered(m: Array, P: Array, walk: Array, amplitude: float, rate: float, setting: float) -> None:
+    """One filter from one record to the next, in place; ``walk`` (N,) and the rest are variances."""
+    if P[RATE, RATE] > 0.0:
+        m[AMPLITUDE] += m[RATE]
         for i in range(N_STATE):
-            P[i, i] += walk[i]
-        P[AMPLITUDE, AMPLITUDE] += amplitude_walk[f]
-        P[RATE, RATE] += rate_walk[f]
-        P[SETTING, SETTING] += setting_walk[f]
+            P[AMPLITUDE, i] += P[RATE, i]
+        for i in range(N_STATE):
+            P[i, AMPLITUDE] += P[i, RATE]
+    for i in range(N_STATE):
+        P[i, i] += walk[i]
+    P[AMPLITUDE, AMPLITUDE] += amplitude
+    P[RATE, RATE] += rate
+    P[SETTING, SETTING] += setting
 
 
 @compiled
@@ -376,14 +348,14 @@ def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) 
 
 @compiled
 def mean_case_flow(
-    mean: Array, covariance: Array, kind: Integers, weights: Array, directions: Array, anchor: Array, likeliest: int
+    filters: Filters, weights: Array, directions: Array, anchor: Array, likeliest: int
 ) -> tuple[float, float]:
     """Case flow at an anchor, averaged over the likeliest filters, and its standard deviation [L/min]."""
     left = weights.copy()
     whole, first, second = 0.0, 0.0, 0.0
     for _ in range(min(likeliest, len(left))):
         f = np.argmax(left)
-        flow, variance = case_flow(mean[f], covariance[f], directions[kind[f]], anchor)
+        flow, variance = case_flow(filters.mean[f], filters.covariance[f], directions[filters.kind[f]], anchor)
         whole += left[f]
         first += left[f] * flow
         second += left[f] * (variance + flow * flow)

@@ -10,85 +10,55 @@ well: a poor start there would be read as a fault.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from detectors.bank.kernel import advance, take, workspace
+from detectors.bank.kernel import Scratch, scratch, take, wandered
+from detectors.bank.shapes import Array, Base, Filters, History, Integers, Kinds, Reading, Walks
 from detectors.bank.summary import ARRIVAL, RAMP, STEP
 from detectors.expectation.components import AMPLITUDE, N_STATE, RATE, SETTING
 from twin.compiled import compiled
 
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
-
 _PASSES_OF_FAULTS = 2
+"""Over the history, for each fault (estimate: the healthy pump's fit has found the nuisances before)."""
 _YOUNG = 16
-"""Records of a history in which every fit is tried from several starts."""
+"""Records of a history in which every fit is tried from several starts (estimate: later the starts meet)."""
 _SETTLED = 0.3
-"""A fit ends when no component moves by more than this share of its own spread."""
+"""A fit ends when no component moves by more than this share of its own spread (estimate: below that no word changes)."""
 
 
 @compiled
 def fit_anew(
-    mean: Array,
-    covariance: Array,
-    kind: Integers,
-    shape: Integers,
-    onset: Integers,
-    log_evidence: Array,
-    setting_at_onset: Array,
+    filters: Filters,
     rows: Integers,
-    base_mean: Array,
-    base_variance: Array,
-    base_records: int,
-    scales: Array,
-    ramp_records: float,
-    arrival: Array,
-    log_prior: Array,
-    walk: Array,
-    amplitude_walk: Array,
-    rate_walk: Array,
-    setting_walk: Array,
-    directions: Array,
-    anchors: Array,
-    ripples: Array,
-    values: Array,
-    noises: Array,
-    seen: NDArray[np.bool_],
-    record: Integers,
+    base: Base,
+    kinds: Kinds,
+    walks: Walks,
+    history: History,
     alive: int,
     most_passes: int,
 ) -> None:
-    """Fit the filters ``rows`` anew, in place.
+    """Fit the filters ``rows`` anew, in place; evidence is counted anew from ``kinds.log_priors``, the healthy pump's from 0.
 
     Parameters
     ----------
-    mean, covariance, kind, shape, onset, log_evidence, setting_at_onset
-        The bank; evidence is counted anew from ``log_prior``,
-        shape (3, n_kinds): steps, ramps, arrivals; the healthy pump's is 0.
-    base_mean, base_variance, base_records
-        Where the history begins: state (N,), covariance (N, N), number of records before it.
-    scales, ramp_records, arrival
-        Spread of steps by kind, records of a ramp, mean and spread of an arrival's amplitude.
-    walk, amplitude_walk, rate_walk, setting_walk
-        As in ``filter_kernel.advance``; all but the first by filter.
-    anchors, ripples, values, noises, seen, record
-        Measurements in order, first axis M, and the record that each belongs to.
+    base, kinds, walks, history
+        Where the history begins, what faults are, how the state wanders, and all that was measured since.
     alive
         How much of the state is alive (``n`` of ``filter_kernel.take``).
     most_passes
         Over the history, for the healthy pump from each start.
     """
     start, best_mean, best_covariance = np.empty(N_STATE), np.empty(N_STATE), np.empty((N_STATE, N_STATE))
+    mean, covariance, log_evidence, room = filters.mean, filters.covariance, filters.log_evidence, scratch()
     likeliest = rows[0]
     for f in rows:
         if log_evidence[f] > log_evidence[likeliest]:
             likeliest = f
     other = mean[likeliest].copy()
-    young = record[len(record) - 1] - base_records < _YOUNG
+    young = history.record[len(history.record) - 1] - base.records < _YOUNG
     for f in rows:
-        k, form = kind[f], shape[f]
-        prior = 0.0 if k < 0 else log_prior[form, k]
-        spread = scales[k] if form == STEP else scales[k] / ramp_records
+        k, form = filters.kind[f], filters.shape[f]
+        prior = 0.0 if k < 0 else kinds.log_priors[form, k]
+        passes = most_passes if k < 0 or form == ARRIVAL else _PASSES_OF_FAULTS
         own = mean[f].copy()
         best = -np.inf
         for attempt in range(3 if k < 0 else 1):
@@ -100,39 +70,11 @@ def fit_anew(
             if attempt == 1 or (k >= 0 and young and form != ARRIVAL):
                 start[:] = other
                 start[AMPLITUDE], start[RATE] = own[AMPLITUDE], own[RATE]
-            for passed in range(most_passes if k < 0 or form == ARRIVAL else _PASSES_OF_FAULTS):
-                found = prior + _through(
-                    mean[f : f + 1],
-                    covariance[f : f + 1],
-                    k,
-                    form,
-                    onset[f],
-                    start,
-                    attempt == 2 and passed == 0,
-                    base_mean,
-                    base_variance,
-                    base_records,
-                    spread,
-                    arrival,
-                    walk,
-                    amplitude_walk[f : f + 1],
-                    rate_walk[f : f + 1],
-                    setting_walk[f : f + 1],
-                    setting_at_onset[f : f + 1],
-                    directions[k],
-                    anchors,
-                    ripples,
-                    values,
-                    noises,
-                    seen,
-                    record,
-                    alive,
-                )
-                moved = 0.0
-                for j in range(alive):
-                    if covariance[f, j, j] > 0.0:
-                        moved = max(moved, abs(mean[f, j] - start[j]) / math.sqrt(covariance[f, j, j]))
-                if moved < _SETTLED:
+            found = 0.0
+            for passage in range(passes):
+                backwards = attempt == 2 and passage == 0
+                found = prior + _through(filters, f, start, backwards, base, kinds, walks, history, alive, room)
+                if _step_in_spreads(mean[f], covariance[f], start, alive) < _SETTLED:
                     break
                 start[:] = mean[f]
             if found > best:
@@ -143,50 +85,52 @@ def fit_anew(
 
 
 @compiled
+def _step_in_spreads(m: Array, P: Array, start: Array, alive: int) -> float:
+    """How far a pass moved the component that it moved most, in the component's own spread."""
+    most = 0.0
+    for j in range(alive):
+        if P[j, j] > 0.0:
+            most = max(most, abs(m[j] - start[j]) / math.sqrt(P[j, j]))
+    return most
+
+
+@compiled
 def _through(
-    m: Array,
-    P: Array,
-    kind: int,
-    shape: int,
-    onset: int,
+    filters: Filters,
+    f: int,
     about: Array,
     backwards: bool,
-    base_mean: Array,
-    base_variance: Array,
-    base_records: int,
-    spread: float,
-    arrival: Array,
-    walk: Array,
-    amplitude_walk: Array,
-    rate_walk: Array,
-    setting_walk: Array,
-    setting_at_onset: Array,
-    direction: Array,
-    anchors: Array,
-    ripples: Array,
-    values: Array,
-    noises: Array,
-    seen: NDArray[np.bool_],
-    record: Integers,
+    base: Base,
+    kinds: Kinds,
+    walks: Walks,
+    history: History,
     alive: int,
+    room: Scratch,
 ) -> float:
-    """One pass of one filter over the history, linearised about a state; the logarithm of its predictive densities.
+    """One pass of filter ``f`` over the history, linearised about a state; the logarithm of its predictive densities.
 
-    ``m`` (1, N) and ``P`` (1, N, N) receive the filter; ``spread`` is that of a step or of a ramp's rate.
     ``backwards`` takes a healthy pump's history from its end and weighs records by what came after them: an outlier at
     the beginning, where nothing is known that it could contradict, is found so.
     """
-    wide, small = workspace()
-    places, point, still = np.empty(seen.shape[1], dtype=np.int64), about.copy(), np.zeros(1)
+    m, P = filters.mean[f], filters.covariance[f]
+    kind, shape, onset, direction = (
+        filters.kind[f],
+        filters.shape[f],
+        filters.onset[f],
+        kinds.directions[filters.kind[f]],
+    )
+    walk, amplitude_walk, rate_walk, setting_walk = walks.state, walks.amplitude[f], walks.rate[f], walks.setting[f]
+    record, seen = history.record, history.seen
+    places, point = np.empty(seen.shape[1], dtype=np.int64), about.copy()
     amplitude, rate = about[AMPLITUDE], about[RATE]
     last = record[len(record) - 1]
-    m[0], P[0] = base_mean, base_variance
+    m[:], P[:, :] = base.mean, base.covariance
     begun = kind < 0
     if shape == ARRIVAL and kind >= 0:
-        m[0, AMPLITUDE] = arrival[0]
-        P[0, AMPLITUDE, AMPLITUDE] = arrival[1] ** 2
+        m[AMPLITUDE] = kinds.arrival_mean
+        P[AMPLITUDE, AMPLITUDE] = kinds.arrival_spread**2
         begun = True
-    total, at = 0.0, base_records - 1
+    total, at = 0.0, base.records - 1
     along, grows = 0.0, 0.0
     nowhere, wander = np.empty(0), np.empty(N_STATE)
     for place in range(len(record)):
@@ -195,13 +139,14 @@ def _through(
             at = record[i]
             if not begun and at >= onset:
                 begun = True
-                setting_at_onset[0] = m[0, SETTING]
+                filters.setting_at_onset[f] = m[SETTING]
+                spread = kinds.scales[kind] if shape == STEP else kinds.scales[kind] / kinds.ramp_records
                 begins = AMPLITUDE if shape == STEP else RATE
-                P[0, begins, begins] = spread**2
+                P[begins, begins] = spread**2
             if begun:
-                advance(m, P, 1, walk, amplitude_walk, rate_walk, setting_walk)
+                wandered(m, P, walk, amplitude_walk, rate_walk, setting_walk)
             else:
-                advance(m, P, 1, walk, still, still, still)
+                wandered(m, P, walk, 0.0, 0.0, 0.0)
             if begun and kind >= 0:
                 along = amplitude
                 if shape == RAMP:
@@ -215,23 +160,8 @@ def _through(
         for j in range(N_STATE):
             point[j] = about[j]
             wander[j] = (last - at) * walk[j]
-        wander[SETTING] += (last - max(at, onset)) * setting_walk[0]
+        wander[SETTING] += (last - max(at, onset)) * setting_walk
         point[AMPLITUDE], point[RATE] = along, grows
-        total += take(
-            m[0],
-            P[0],
-            direction,
-            anchors[i],
-            ripples[i],
-            values[i],
-            noises[i],
-            places,
-            n_seen,
-            alive,
-            1,
-            point,
-            nowhere if backwards else wander,
-            wide,
-            small,
-        )
+        reading = Reading(history.anchors[i], history.ripples[i], history.values[i], history.noises[i], places[:n_seen])
+        total += take(m, P, direction, reading, alive, 1, point, nowhere if backwards else wander, room)
     return total

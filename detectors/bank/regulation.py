@@ -11,12 +11,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from detectors.bank.regulation_kernel import advance, learn, log_odds
-
-Array = NDArray[np.float64]
-Integers = NDArray[np.int64]
+from detectors.bank.shapes import LEVEL, SIZE, WARMTH, Array, Charts
 
 
 class Feature(IntEnum):
@@ -32,6 +29,7 @@ class Feature(IntEnum):
 
 N_FEATURES = len(Feature)
 MOST_ONSETS = 5
+"""Onsets of one feature that are kept, as the bank keeps steps of one kind (estimate)."""
 LOG_HAZARD = math.log(3.0e-4)
 """Prior of a change of one feature setting in between two onset candidates (estimate)."""
 _SIGN = np.array([1.0, 1.0, -1.0])
@@ -42,10 +40,13 @@ _FLOOR = np.array([0.9, 0.9, 0.15])
 down by a tenth between 30 and 90 degC and by a quarter where edges are rounded tenfold."""
 _NOISE = np.array([0.30, 0.30, 0.06])
 """Spread from flight to flight of a healthy pump [-] (estimates); each chart learns its own from here."""
-_LEVEL = np.array([2.0, 2.0, 0.5])
+_LEVEL_SD = np.array([2.0, 2.0, 0.5])
+_WARMTH_SD = np.array([0.3, 0.3, 0.10])
+"""One-sigma spread between pumps of the level about their first flight and of its change per 30 K [-] (estimates: nothing is
+known of the consumers; the twin's frequency falls by a tenth between 30 and 90 degC)."""
 _LEVEL_WALK = (np.array([0.01, 0.01, 0.0015]) / _NOISE) ** 2
-_WARMTH = np.array([0.3, 0.3, 0.10])
-_AMPLITUDE_WALK = (np.array([0.05, 0.05, 0.004]) / _NOISE) ** 2
+_SIZE_WALK = (np.array([0.05, 0.05, 0.004]) / _NOISE) ** 2
+"""Variance from record to record of a healthy pump's level and of a fault's size, in noise variances (estimates)."""
 _FIRST_HALF_DEGREES = 2.5
 _MOST_HALF_DEGREES = 6.0
 """Degrees of freedom, halved, of the Student-t evidence: at first, and once the spread is known. Never more, so that a
@@ -53,82 +54,65 @@ single flight with busy consumers stays cheap."""
 _MOST_NOISE = 2.0
 """A healthy pump's spread over the expected one, at most: a fault that comes and goes is no noise."""
 _MOST_VARIANCE = (_MOST_NOISE * _NOISE) ** 2
-_SHOWN = np.array([9.0, 1.0])
+_PRESENCE = np.array([9.0, 1.0])
 """Prior flights on which a fault shows and does not (estimate)."""
 _CAPACITY = 1 + MOST_ONSETS
-_L, _W, _A = range(3)
+
+
+def _unknown() -> Charts:
+    """Charts of a healthy pump of which nothing is known."""
+    charts = Charts(
+        mean=np.zeros((N_FEATURES, _CAPACITY, 3)),
+        covariance=np.zeros((N_FEATURES, _CAPACITY, 3, 3)),
+        half_degrees=np.full((N_FEATURES, _CAPACITY), _FIRST_HALF_DEGREES),
+        sum_of_squares=np.zeros((N_FEATURES, _CAPACITY)),
+        presence=np.tile(_PRESENCE, (N_FEATURES, _CAPACITY, 1)),
+        log_evidence=np.zeros((N_FEATURES, _CAPACITY)),
+        n=np.ones(N_FEATURES, dtype=np.int64),
+        begun=np.zeros(N_FEATURES, dtype=np.bool_),
+    )
+    charts.sum_of_squares[:] = (_FIRST_HALF_DEGREES * _NOISE**2)[:, None]
+    charts.covariance[:, 0, WARMTH, WARMTH] = (_WARMTH_SD / _NOISE) ** 2
+    charts.covariance[:, 0, LEVEL, LEVEL] = (_LEVEL_SD / _NOISE) ** 2
+    return charts
 
 
 @dataclass(slots=True)
 class Regulation:
-    """Charts of one installation, a healthy filter and up to five onsets each. Changed in place by its methods.
+    """Charts of one installation, a healthy filter and up to five onsets each. Changed in place by its methods."""
 
-    Attributes
-    ----------
-    mean, covariance
-        Level at 50 degC, slope by warmth and size of the fault; the covariance counts in noise variances. Shapes
-        (N_FEATURES, M, 3) and (N_FEATURES, M, 3, 3).
-    half_degrees, sum_of_squares
-        What is known of the noise: shape and rate of the inverse-gamma law of its variance, (N_FEATURES, M).
-    shown
-        Flights on which the fault showed and on which it did not, by responsibility and prior, (N_FEATURES, M, 2).
-    log_evidence
-        (N_FEATURES, M).
-    n
-        Filters of each chart, (N_FEATURES,).
-    """
-
-    mean: Array = field(default_factory=lambda: np.zeros((N_FEATURES, _CAPACITY, 3)))
-    covariance: Array = field(default_factory=lambda: np.zeros((N_FEATURES, _CAPACITY, 3, 3)))
-    half_degrees: Array = field(default_factory=lambda: np.full((N_FEATURES, _CAPACITY), _FIRST_HALF_DEGREES))
-    sum_of_squares: Array = field(default_factory=lambda: np.zeros((N_FEATURES, _CAPACITY)))
-    shown: Array = field(default_factory=lambda: np.tile(_SHOWN, (N_FEATURES, _CAPACITY, 1)))
-    log_evidence: Array = field(default_factory=lambda: np.zeros((N_FEATURES, _CAPACITY)))
-    n: Integers = field(default_factory=lambda: np.ones(N_FEATURES, dtype=np.int64))
-    begun: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(N_FEATURES, dtype=np.bool_))
-
-    def __post_init__(self) -> None:
-        """Start with an unknown healthy pump."""
-        self.sum_of_squares[:] = (_FIRST_HALF_DEGREES * _NOISE**2)[:, None]
-        self.covariance[:, 0, _W, _W] = (_WARMTH / _NOISE) ** 2
-        self.covariance[:, 0, _L, _L] = (_LEVEL / _NOISE) ** 2
+    charts: Charts = field(default_factory=_unknown)
 
     def learn(self, values: Array, warmth: float) -> None:
         """Take the features of one window or burst, shape (N_FEATURES,), NaN where one was not seen."""
-        learn(
-            self.mean,
-            self.covariance,
-            self.half_degrees,
-            self.sum_of_squares,
-            self.shown,
-            self.log_evidence,
-            self.n,
-            self.begun,
-            values,
-            warmth,
-            _MOST_VARIANCE,
-            _MOST_HALF_DEGREES,
-        )
+        learn(self.charts, values, warmth, _MOST_VARIANCE, _MOST_HALF_DEGREES)
 
     def pass_time(self) -> None:
         """From one record to the next: levels and faults wander."""
-        advance(self.covariance, _LEVEL_WALK, _AMPLITUDE_WALK)
+        advance(self.charts, _LEVEL_WALK, _SIZE_WALK)
 
     def spawn(self) -> None:
         """A change of every feature setting in now; the least likely onset gives way."""
-        for k in np.flatnonzero(self.begun):
-            place = int(self.n[k])
+        charts = self.charts
+        for k in np.flatnonzero(charts.begun):
+            place = int(charts.n[k])
             if place == _CAPACITY:
-                place = 1 + int(np.argmin(self.log_evidence[k, 1:]))
+                place = 1 + int(np.argmin(charts.log_evidence[k, 1:]))
             else:
-                self.n[k] += 1
-            for array in (self.mean, self.covariance, self.half_degrees, self.sum_of_squares, self.log_evidence):
+                charts.n[k] += 1
+            for array in (
+                charts.mean,
+                charts.covariance,
+                charts.half_degrees,
+                charts.sum_of_squares,
+                charts.log_evidence,
+            ):
                 array[k, place] = array[k, 0]
-            self.covariance[k, place, _A, :] = 0.0
-            self.covariance[k, place, :, _A] = 0.0
-            self.covariance[k, place, _A, _A] = (_SCALE[k] / _NOISE[k]) ** 2
-            self.shown[k, place] = _SHOWN
-            self.log_evidence[k, place] += LOG_HAZARD
+            charts.covariance[k, place, SIZE, :] = 0.0
+            charts.covariance[k, place, :, SIZE] = 0.0
+            charts.covariance[k, place, SIZE, SIZE] = (_SCALE[k] / _NOISE[k]) ** 2
+            charts.presence[k, place] = _PRESENCE
+            charts.log_evidence[k, place] += LOG_HAZARD
 
     def log_odds(self) -> float:
         """Log of prior odds times evidence of a changed regulation against the healthy pump, over all charts.
@@ -136,13 +120,4 @@ class Regulation:
         The charts are rivals, not witnesses: ripple and scatter of one flight have one cause, so the larger counts and
         not their product.
         """
-        return log_odds(
-            self.mean,
-            self.covariance,
-            self.half_degrees,
-            self.sum_of_squares,
-            self.log_evidence,
-            self.n,
-            _SIGN,
-            _FLOOR,
-        )
+        return log_odds(self.charts, _SIGN, _FLOOR)

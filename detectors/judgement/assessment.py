@@ -271,7 +271,7 @@ def _side(decision: Decision) -> Side:
 def _sensor(bank: Bank, found: Evidence) -> str | None:
     """Channel of the sensor fault with the greatest share."""
     share: dict[str, float] = {}
-    for kind, weight in zip(bank.kind[: bank.n], found.weights, strict=True):
+    for kind, weight in zip(bank.filters.kind[: bank.n], found.weights, strict=True):
         sensor = FAULT_KINDS[kind].sensor if kind >= 0 else None
         if sensor is not None:
             share[sensor] = share.get(sensor, 0.0) + float(weight)

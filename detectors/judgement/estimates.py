@@ -58,7 +58,7 @@ def _in_percent(logarithm: Estimate) -> Estimate:
 
 def _case_flow(bank: Bank, weights: Array, reference: Array) -> Estimate:
     """Case flow at the reference condition, from the likeliest filters; each filter's spread through its slopes."""
-    return _interval(*mean_case_flow(bank.mean, bank.covariance, bank.kind, weights, DIRECTIONS, reference, _N_LIKELY))
+    return _interval(*mean_case_flow(bank.filters, weights, DIRECTIONS, reference, _N_LIKELY))
 
 
 def _interval(mean: float, sd: float) -> Estimate:

@@ -5,14 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from detectors.bank.bank import ARRIVAL_FLOOR_LPM, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
+from detectors.bank.shapes import N_MOMENTS, Array, Meaning, Sums
 from detectors.bank.summary import summed
 from detectors.words.verdict import FAULTS, SIDE_OF, Side, State
-
-Array = NDArray[np.float64]
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra", "throttled"),
@@ -39,7 +37,7 @@ class Evidence:
     ``weights`` are the filters' shares, shape (m,); ``shares`` are those of
     the faults among what changed since the first record; ``arrival`` is the probability that the pump came worn;
     ``together`` holds the shares of two faults by the first and the second, shape (n, n) in the order of ``FAULTS``;
-    ``moments`` belong to ``QUANTITIES``: see ``detectors.bank.summary.summed``.
+    ``moments`` belong to ``QUANTITIES`` (``detectors.bank.shapes.Sums``).
     """
 
     log_odds: float
@@ -79,38 +77,20 @@ class Decision:
 
 def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     """Sum the bank's filters by the state they stand for, and by the quantity they change."""
-    n = bank.n
-    floors = _FLOORS.copy()
+    floors = _MEANING.floors.copy()
     floors[_IS_SENSOR] = thresholds["sensor_shift_bar"]
-    weights, moments = np.empty(n), np.empty((len(QUANTITIES), 4))
-    sums, changed = np.empty(len(FAULTS) + 1), np.empty(len(FAULTS) + 1)
-    together = np.empty((len(FAULTS), len(FAULTS)))
-    arrival = summed(
-        bank.mean[:n],
-        bank.covariance[:n],
-        bank.kind[:n],
-        bank.shape[:n],
-        bank.onset[:n],
-        bank.log_evidence[:n],
-        bank.setting_at_onset[:n],
-        bank.records,
-        _SIGNS,
-        floors,
-        _STATES,
-        _BESIDE,
-        _SETTING,
-        _SCALES,
-        _GROUPS,
-        weights,
-        sums,
-        changed,
-        together,
-        moments,
+    sums = Sums(
+        weights=np.empty(bank.n),
+        of_all=np.empty(len(FAULTS) + 1),
+        changed=np.empty(len(FAULTS) + 1),
+        together=np.empty((len(FAULTS), len(FAULTS))),
+        moments=np.empty((len(QUANTITIES), N_MOMENTS)),
     )
+    arrival = summed(bank.filters, bank.n, bank.records, _MEANING._replace(floors=floors), sums)
     # what regulation shows is independent of the means: it stands against the pump that is healthy by them
     odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
-    *of_all, healthy_of_all = sums.tolist()
-    *faults, healthy = changed.tolist()
+    *of_all, healthy_of_all = sums.of_all.tolist()
+    *faults, healthy = sums.changed.tolist()
     of_all[_COMPENSATOR] += healthy_of_all * odds
     faults[_COMPENSATOR] += healthy * odds
     posterior = _shares([healthy_of_all, *of_all])
@@ -120,11 +100,11 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         # how a pump came is a question of its own: an alarm is raised by what changed since
         log_odds=math.log(max(fault, 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
         probabilities=probabilities,
-        weights=weights,
+        weights=sums.weights,
         shares=dict(zip(FAULTS, _shares(faults), strict=True)),
         arrival=arrival,
-        together=together,
-        moments=moments,
+        together=sums.together,
+        moments=sums.moments,
     )
 
 
@@ -177,7 +157,7 @@ def secondary(found: Evidence, state: State) -> State | None:
     return FAULTS[place] if row[place] > 0.5 * found.probabilities[state] else None
 
 
-def _group(component: str) -> int:
+def _quantity(component: str) -> int:
     """Number of the quantity that a component counts for; -1 for none."""
     return next((i for i, names in enumerate(QUANTITIES.values()) if component in names), -1)
 
@@ -190,13 +170,17 @@ def _shares(sums: Sequence[float]) -> list[float]:
 
 _COMPENSATOR = FAULTS.index(State.COMPENSATOR_FAULT)
 _MOST_LOG_ODDS = 600.0
-_STATES = np.array([FAULTS.index(k.state) if k.state in FAULTS else len(FAULTS) for k in FAULT_KINDS] + [len(FAULTS)])
-_BESIDE = np.array([-1 if k.beside is None else FAULTS.index(k.beside) for k in FAULT_KINDS] + [-1])
 _MOVED = next(k for k in FAULT_KINDS if k.component == "setting")
-_SETTING = np.array([_MOVED.scale, _MOVED.floor, float(_group(_MOVED.component))])
-_SCALES = np.array([k.scale for k in FAULT_KINDS] + [1.0])
-_FLOORS = np.array([k.floor for k in FAULT_KINDS] + [0.0, ARRIVAL_FLOOR_LPM])
 _IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False, False])
-_SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])
-_GROUPS = np.array([_group(k.component) for k in FAULT_KINDS] + [-1])
-"""By kind of fault, the healthy pump last: number of its state, floor (arrivals after that), sign, quantity."""
+"""By entry of ``Meaning.floors``."""
+_MEANING = Meaning(
+    signs=np.array([k.sign for k in FAULT_KINDS] + [0]),
+    floors=np.array([k.floor for k in FAULT_KINDS] + [0.0, ARRIVAL_FLOOR_LPM]),
+    states=np.array([FAULTS.index(k.state) if k.state in FAULTS else len(FAULTS) for k in FAULT_KINDS] + [len(FAULTS)]),
+    quantities=np.array([_quantity(k.component) for k in FAULT_KINDS] + [-1]),
+    beside=np.array([-1 if k.beside is None else FAULTS.index(k.beside) for k in FAULT_KINDS] + [-1]),
+    scales=np.array([k.scale for k in FAULT_KINDS] + [1.0]),
+    setting_scale=_MOVED.scale,
+    setting_floor=_MOVED.floor,
+    setting_quantity=_quantity(_MOVED.component),
+)

@@ -15,7 +15,6 @@ import numpy as np
 
 # which records are still needed is the bank's own business; a second copy of these numbers could drift
 from detectors.bank.bank import _FITTED_ANEW_AT, Bank, Measurement
-from detectors.bank.regulation import Regulation
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement import packing
 from detectors.judgement.assessment import Fold
@@ -28,9 +27,10 @@ _MAGIC = b"casedrain fold 2\n"
 _DIGEST = 32
 _QUICK = 1
 """Compression level: most of the bytes are mantissas, which no level makes much smaller."""
-_OF_REGULATION = "regulation."
 _GIVEN_AGAIN = ("pump", "circuit", "thresholds", "healthy", "reference", "bank")
 """Fields of the fold that are given again or follow from what is; the bank is packed apart."""
+_APART = ("pump", "learnt", "filters", "base", "regulation")
+"""Fields of the bank that are no plain numbers."""
 
 
 def snapshot(fold: Fold) -> bytes:
@@ -38,13 +38,11 @@ def snapshot(fold: Fold) -> bytes:
     bank = fold.bank
     numbers: dict[str, int] = {}
     arrays: dict[str, AnyArray] = {}
-    for name in _bank_fields():
-        value = getattr(bank, name)
+    for name, value in _parts(bank).items():
         if isinstance(value, np.ndarray):
-            arrays[name] = value[: bank.n] if len(value) == len(bank.kind) else value
+            arrays[name] = value[: bank.n] if name.startswith("filters.") else value
         else:
             numbers[name] = int(value)
-    arrays |= {_OF_REGULATION + name: getattr(bank.regulation, name) for name in _regulation_fields()}
     # what was learnt is read again only when filters are fitted anew: later it only says that there is something
     learnt = bank.learnt if bank.records - bank.base_records < max(_FITTED_ANEW_AT) else bank.learnt[-1:]
     carried = tuple(getattr(fold, name) for name in _carried_fields())
@@ -71,20 +69,19 @@ def fold_from(
     if not content.startswith(_MAGIC) or hashlib.sha256(body).digest() != digest:
         raise ValueError("these bytes are no snapshot of this format, or they are damaged")
     carried, numbers, arrays, learnt = packing.unpacked(_packed_type(), zlib.decompress(body))
-    regulation = {_OF_REGULATION + name: name for name in _regulation_fields()}
-    if {*numbers, *arrays} != {*_bank_fields(), *regulation}:
-        raise ValueError("this snapshot is of a bank with other fields")
     fold = Fold(pump, circuit, thresholds, healthy)
+    bank = fold.bank
+    parts = _parts(bank)
+    if {*numbers, *arrays} != {*parts}:
+        raise ValueError("this snapshot is of a bank with other fields")
     for name, value in zip(_carried_fields(), carried, strict=True):
         setattr(fold, name, value)
-    for name, number in numbers.items():
-        setattr(fold.bank, name, type(getattr(fold.bank, name))(number))
     for name, array in arrays.items():
-        if name in regulation:
-            getattr(fold.bank.regulation, regulation[name])[:] = array
-        else:
-            getattr(fold.bank, name)[: len(array)] = array
-    fold.bank.learnt = learnt
+        parts[name][: len(array)] = array
+    bank.base = bank.base._replace(records=numbers.pop("base.records"))
+    for name, number in numbers.items():
+        setattr(bank, name, type(getattr(bank, name))(number))
+    bank.learnt = learnt
     return fold
 
 
@@ -110,11 +107,8 @@ def _packed_type() -> Any:
     return tuple[carried, dict[str, int], dict[str, AnyArray], list[tuple[Measurement, ...]]]  # type: ignore[valid-type]
 
 
-@cache
-def _bank_fields() -> tuple[str, ...]:
-    return tuple(f.name for f in fields(Bank) if f.name not in ("pump", "learnt", "regulation"))
-
-
-@cache
-def _regulation_fields() -> tuple[str, ...]:
-    return tuple(f.name for f in fields(Regulation))
+def _parts(bank: Bank) -> dict[str, Any]:
+    """Every number and array of a bank by its name; what was learnt and the pump apart."""
+    own = {f.name: getattr(bank, f.name) for f in fields(Bank) if f.name not in _APART}
+    shapes = {"filters": bank.filters, "base": bank.base, "charts": bank.regulation.charts}
+    return own | {f"{name}.{part}": value for name, shape in shapes.items() for part, value in shape._asdict().items()}

@@ -169,7 +169,7 @@ def test_rows_are_pooled_as_the_judge_expects_them() -> None:
     assert hazard_per_record() == pytest.approx((sum(map(hazards.get, faults)) + math.exp(LOG_HAZARD)) / 4)
     assert weights[0] * (1 + 2 * ARRIVAL_PRIOR) == pytest.approx(math.exp(-200 * hazard_per_record()))
     start = Bank(pump_type("h225"))
-    assert start.log_evidence[1 : 1 + len(ARRIVAL_KINDS)] == pytest.approx(math.log(ARRIVAL_PRIOR))
+    assert start.filters.log_evidence[1 : 1 + len(ARRIVAL_KINDS)] == pytest.approx(math.log(ARRIVAL_PRIOR))
     assert weights[4] == pytest.approx(2 * ARRIVAL_PRIOR / (1 + 2 * ARRIVAL_PRIOR))
     error = calibration_error
     good = calibration(seen(row(H), outcome([[N, H, H, H]], healthy=1.0, onset=99))).confidence

@@ -73,25 +73,25 @@ def test_a_reset_gives_the_population_s_spread_back() -> None:
     bank = learnt(history(22, 30), 30)
     place = INDEX["case_offset"]
     _, sd = prior(PUMP)
-    assert bank.covariance[0, place, place] < 0.25 * sd[place] ** 2
+    assert bank.filters.covariance[0, place, place] < 0.25 * sd[place] ** 2
     bank.reset(("case_offset",))
-    assert bank.covariance[0, place, place] == pytest.approx(sd[place] ** 2)
+    assert bank.filters.covariance[0, place, place] == pytest.approx(sd[place] ** 2)
     others = np.delete(np.arange(len(sd)), place)
-    assert (bank.covariance[0, place, others] == 0.0).all()
+    assert (bank.filters.covariance[0, place, others] == 0.0).all()
 
 
 def test_a_second_fit_changes_little_where_the_first_was_good() -> None:
     """Healthy pump after 40 records: the Gauss-Newton step stays within one spread."""
     bank = learnt(history(23, 40), 40)
-    before, spread = bank.mean[0].copy(), np.sqrt(np.diag(bank.covariance[0]))
+    before, spread = bank.filters.mean[0].copy(), np.sqrt(np.diag(bank.filters.covariance[0]))
     bank._fit_anew()
     known = spread > 0.0
-    assert (np.abs(bank.mean[0] - before)[known] < spread[known]).all()
+    assert (np.abs(bank.filters.mean[0] - before)[known] < spread[known]).all()
 
 
 def test_covariances_stay_positive() -> None:
     bank = learnt(history(24, 60, SIMULATED["worn"]), 60)
-    for covariance in bank.covariance[: bank.n]:
+    for covariance in bank.filters.covariance[: bank.n]:
         assert np.linalg.eigvalsh(covariance).min() > -1e-9
 
 
@@ -99,7 +99,7 @@ def test_arrivals_leave_with_the_reservoir_sensor() -> None:
     n_arrivals = len(ARRIVAL_KINDS)
     assert Bank(PUMP).n == 1 + n_arrivals
     assert learnt(history(25, 4, with_reservoir=False), 4).n == 1
-    assert np.isfinite(learnt(history(25, 20), 20).mean[:, AMPLITUDE]).all()
+    assert np.isfinite(learnt(history(25, 20), 20).filters.mean[:, AMPLITUDE]).all()
 
 
 def test_a_burst_is_measured_beside_its_window() -> None:
@@ -156,6 +156,6 @@ def test_a_long_history_forgets_no_kind_of_fault() -> None:
     assert bank.records == 32
     assert len(bank.learnt) == 32
     assert bank.n < before
-    assert set(bank.kind[: bank.n]) >= {
+    assert set(bank.filters.kind[: bank.n]) >= {
         i for i, k in enumerate(FAULT_KINDS) if k.sudden is not None and not any(n == "once" for n, _ in k.moves)
     } - {GONE}

@@ -117,7 +117,7 @@ def test_what_load_shows_stays_out_of_histories_without_it() -> None:
     bank.learn(found.measurements)
     assert bank.alive == N_STATE
     bank.spawn()
-    assert "uneven wear" not in {FAULT_KINDS[k].name for k in bank.kind[: bank.n] if k >= 0}
+    assert "uneven wear" not in {FAULT_KINDS[k].name for k in bank.filters.kind[: bank.n] if k >= 0}
 
 
 def test_droop_of_load_steps_is_that_of_the_operating_points() -> None:
@@ -159,9 +159,9 @@ def test_load_steps_teach_the_droop(scale: float) -> None:
         )
         for bank, o in ((before, observation), (after, stepped)):
             bank.learn(measured_windows([o], {}, PUMP, CIRCUIT)[o.record_id].measurements)
-    sd = math.sqrt(after.covariance[0, place, place])
-    assert sd < 0.7 * math.sqrt(before.covariance[0, place, place])
-    assert abs(after.mean[0, place] - math.log(scale)) < 2.5 * sd
+    sd = math.sqrt(after.filters.covariance[0, place, place])
+    assert sd < 0.7 * math.sqrt(before.filters.covariance[0, place, place])
+    assert abs(after.filters.mean[0, place] - math.log(scale)) < 2.5 * sd
 
 
 def test_windows_under_load_count_instead_of_the_steps_between_them() -> None:

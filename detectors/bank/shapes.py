@@ -1,0 +1,212 @@
+"""Shapes that the bank and its kernels hand on: NamedTuples of plain arrays, which compiled code takes.
+
+N is the size of a state (``detectors.expectation.components.N_STATE``), M counts filters, K kinds of fault, R measurements.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+class Filters(NamedTuple):
+    """Filters side by side, first axis M.
+
+    Attributes
+    ----------
+    mean, covariance
+        Of the state, shapes (M, N) and (M, N, N).
+    kind, shape, onset
+        Index into ``FAULT_KINDS`` (-1: healthy), ``STEP``, ``RAMP`` or ``ARRIVAL``, and the record number at which the
+        fault sets in.
+    log_evidence
+        Log of prior times product of predictive densities [nat].
+    setting_at_onset
+        The setting when the fault set in [bar].
+    """
+
+    mean: Array
+    covariance: Array
+    kind: Integers
+    shape: Integers
+    onset: Integers
+    log_evidence: Array
+    setting_at_onset: Array
+
+
+class Walks(NamedTuple):
+    """Variances by which the state wanders from record to record.
+
+    Attributes
+    ----------
+    state
+        Of a healthy pump's state, shape (N,).
+    amplitude, rate, setting
+        Of each filter's amplitude, of its rate, and of the setting on top of its own, shape (M,).
+    """
+
+    state: Array
+    amplitude: Array
+    rate: Array
+    setting: Array
+
+
+class Reading(NamedTuple):
+    """One measurement as a filter takes it.
+
+    Attributes
+    ----------
+    anchor, ripple
+        The nominal twin at the condition (``detectors.expectation.anchor``), and how order n of either pressure answers to each
+        component, shape (2, N_COMPONENTS).
+    values, noise
+        What was measured, shape (6,), and its covariance, shape (6, 6).
+    seen
+        Which of the six were measured, in rising order.
+    """
+
+    anchor: Array
+    ripple: Array
+    values: Array
+    noise: Array
+    seen: Integers
+
+
+class History(NamedTuple):
+    """Measurements in order, first axis R: those of a ``Reading`` one after another.
+
+    ``seen`` says of each of the six whether it was measured, shape (R, 6); ``record`` to which record each belongs, shape (R,).
+    """
+
+    anchors: Array
+    ripples: Array
+    values: Array
+    noises: Array
+    seen: NDArray[np.bool_]
+    record: Integers
+
+
+class Base(NamedTuple):
+    """Where a history begins: the healthy pump's state (N,), its covariance (N, N), number of records before it."""
+
+    mean: Array
+    covariance: Array
+    records: int
+
+
+class Kinds(NamedTuple):
+    """What a fault of each kind is before anything is measured.
+
+    Attributes
+    ----------
+    directions, scales
+        What each kind moves per unit of amplitude, shape (K + 1, N_COMPONENTS), and its one-sigma size, shape (K + 1,);
+        the last row, zeros, serves the healthy pump.
+    log_priors
+        How likely each sets in, shape (3, K): steps, ramps, arrivals [nat].
+    ramp_records
+        Records in which a ramp of one sigma grows by the kind's scale.
+    arrival_mean, arrival_spread
+        Of the amplitude of a pump that arrives worn.
+    """
+
+    directions: Array
+    scales: Array
+    log_priors: Array
+    ramp_records: float
+    arrival_mean: float
+    arrival_spread: float
+
+
+class Meaning(NamedTuple):
+    """What a filter of each kind counts for, arrays by kind, the healthy pump (-1) last.
+
+    Attributes
+    ----------
+    signs, floors
+        Sign of the amplitude (0: both) and the smallest size worth a word; arrivals' floor is one more entry.
+    states, quantities
+        Number of the state and of the quantity (-1: none).
+    beside
+        Number of the state of the second fault (-1: none).
+    scales
+        Sizes by which two faults are compared.
+    setting_scale, setting_floor, setting_quantity
+        Scale, floor and quantity of a setting that moved beside another fault.
+    """
+
+    signs: Integers
+    floors: Array
+    states: Integers
+    quantities: Integers
+    beside: Integers
+    scales: Array
+    setting_scale: float
+    setting_floor: float
+    setting_quantity: int
+
+
+class Sums(NamedTuple):
+    """Room for what a bank says in sums, filled by ``detectors.bank.summary.summed``.
+
+    Attributes
+    ----------
+    weights
+        Posterior shares of the filters, shape (M,); one-sided faults are weighed by the sign they came out with.
+    of_all, changed
+        Shares by state, the healthy pump last, shape (n_states + 1,): of all, and of what changed since the first
+        record (an arrival counts as healthy there).
+    together
+        Shares of two faults by state of the first and of the second, shape (n_states, n_states).
+    moments
+        By quantity: share, first and second moment of the amplitude, and how well a sudden fault of the first such kind
+        is known since its oldest onset (0: no onset has seen two records), shape (n_quantities, N_MOMENTS).
+    """
+
+    weights: Array
+    of_all: Array
+    changed: Array
+    together: Array
+    moments: Array
+
+
+SHARE, FIRST, SECOND, RESOLUTION = range(4)
+"""Columns of ``Sums.moments``."""
+N_MOMENTS = 4
+
+
+class Charts(NamedTuple):
+    """Charts of how the pressure is regulated, first axes feature and filter; see ``detectors.bank.regulation``.
+
+    Attributes
+    ----------
+    mean, covariance
+        Level at 50 degC, slope by warmth and size of the fault; the covariance counts in noise variances. Shapes
+        (N_FEATURES, M, 3) and (N_FEATURES, M, 3, 3).
+    half_degrees, sum_of_squares
+        What is known of the noise: shape and rate of the inverse-gamma law of its variance, (N_FEATURES, M).
+    presence
+        Flights on which the fault showed and on which it did not, by responsibility and prior, (N_FEATURES, M, 2).
+    log_evidence
+        (N_FEATURES, M).
+    n, begun
+        Filters of each chart, and whether it has seen a flight, (N_FEATURES,).
+    """
+
+    mean: Array
+    covariance: Array
+    half_degrees: Array
+    sum_of_squares: Array
+    presence: Array
+    log_evidence: Array
+    n: Integers
+    begun: NDArray[np.bool_]
+
+
+LEVEL, WARMTH, SIZE = range(3)
+"""Places of a chart's state."""
+SHOWN, ABSENT = range(2)
+"""Columns of ``Charts.presence``."""
