@@ -23,7 +23,7 @@ from twin.compiled import numba_version
 from twin.parameters import Circuit, PumpType
 from twin.sources import sources_hash
 
-_MAGIC = b"casedrain fold 2\n"
+_MAGIC = b"casedrain fold 3\n"
 _DIGEST = 32
 _QUICK = 1
 """Compression level: most of the bytes are mantissas, which no level makes much smaller."""
@@ -44,7 +44,7 @@ def snapshot(fold: Fold) -> bytes:
         else:
             numbers[name] = int(value)
     # what was learnt is read again only when filters are fitted anew: later it only says that there is something
-    learnt = bank.learnt if bank.records - bank.base_records < max(_FITTED_ANEW_AT) else bank.learnt[-1:]
+    learnt = bank.learnt if bank.records - bank.base.records < max(_FITTED_ANEW_AT) else bank.learnt[-1:]
     carried = tuple(getattr(fold, name) for name in _carried_fields())
     body = zlib.compress(packing.packed((carried, numbers, arrays, learnt)), _QUICK)
     return _MAGIC + hashlib.sha256(body).digest() + body
