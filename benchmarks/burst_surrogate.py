@@ -1,8 +1,8 @@
 """Fit the order amplitudes of the transient pump at zero flow, and check them on runs held out.
 
 ``python -m benchmarks.burst_surrogate [--points 512] [--held-out 100]`` simulates three pumps at every point of a Sobol
-design (even, one slipper worn, one to three pistons worn), fits ``twin.orders``' surfaces, writes
-``twin/pumps/h225_orders.json`` and keeps errors and the table of single changes as
+design (even, one slipper worn, one to three pistons worn), fits ``twin.orders.surfaces``' surfaces, writes
+``twin/orders/h225.json`` and keeps errors and the table of single changes as
 ``benchmarks/results/burst_surrogate.json``. Minutes on two cores.
 """
 
@@ -20,7 +20,14 @@ from scipy.stats import qmc
 
 from benchmarks import keep
 from twin.condition import Condition, Health, input_rows
-from twin.orders import N_COORDINATES, SURFACES, OrderSurfaces, order_amplitudes, order_coordinates, order_terms
+from twin.orders.surfaces import (
+    N_COORDINATES,
+    SURFACES,
+    OrderSurfaces,
+    order_amplitudes,
+    order_coordinates,
+    order_terms,
+)
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.layout import THETA
 from twin.simulation.run import DEFAULT_STEP_S, simulate
@@ -185,7 +192,7 @@ def write(surfaces: OrderSurfaces, points: int) -> None:
     document = {
         "source": f"benchmarks/burst_surrogate.py: least squares on {len(WORN) * points} runs of the transient pump",
         "circuit": surfaces.circuit,
-        "fitted_to": surfaces.fitted_to,
+    path = Path(__file__).parent.parent / "twin" / "orders" / f"{surfaces.pump_type}.json"
         "surfaces": list(SURFACES),
         "piston_share": round(surfaces.piston_share, 5),
         "low": [float(f"{v:.6g}") for v in surfaces.low],

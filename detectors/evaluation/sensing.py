@@ -11,9 +11,9 @@ from detectors.evaluation.ground_runs import GroundRuns, loaded_windows, pressur
 from detectors.evaluation.reality import Flights, drawn_by_aircraft
 from detectors.words.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
 from detectors.words.signature import ChannelSpectrum, OrderLine, Spectrum
-from twin.burst import measured_amplitudes
 from twin.condition import Health
-from twin.orders import CHANNELS, order_amplitudes, order_surfaces
+from twin.orders.burst import measured_amplitudes
+from twin.orders.surfaces import CHANNELS, order_amplitudes, order_surfaces
 from twin.parameters import PumpType
 
 Array = NDArray[np.float64]

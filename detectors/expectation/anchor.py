@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from twin.compiled import compiled
 from twin.condition import INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
 from twin.laws.fluid import kinematic_viscosity
+from twin.operating_point.equations import drain_viscosity_ratio
+from twin.operating_point.solver import solve_batch
 from twin.parameters import Circuit, Pump, PumpType
-from twin.steady_solver import solve_batch
-from twin.steady_state import drain_viscosity_ratio
 from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from detectors.expectation import components as c
 from detectors.expectation.anchor import COLUMN
 from twin.compiled import compiled
-from twin.laws.bench import drain_pressure_drop, return_pressure_drop_with_slope
+from twin.laws.lines import drain_pressure_drop, return_pressure_drop_with_slope
 
 Array = NDArray[np.float64]
 

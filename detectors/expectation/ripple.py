@@ -14,7 +14,7 @@ from detectors.expectation.anchor import reference_condition
 from detectors.expectation.components import INDEX, N_COMPONENTS
 from twin.condition import INPUTS, Condition, Health, input_rows
 from twin.operating_point import operating_points
-from twin.orders import CHANNELS, OrderSurfaces, order_amplitudes, order_derivatives, order_surfaces
+from twin.orders.surfaces import CHANNELS, OrderSurfaces, order_amplitudes, order_derivatives, order_surfaces
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]

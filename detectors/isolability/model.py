@@ -26,8 +26,8 @@ from detectors.expectation.residuals import (
 from detectors.expectation.ripple import CASE_RIPPLE_SD, LINE_SD_BAR, RIPPLE_SD, ripples, surfaces_of
 from detectors.isolability.plan import Plan, PlanFaultsError
 from detectors.reduction.zero import UNMEASURED_RESERVOIR_SD_BAR
-from twin.burst import DITHER, amplitude_error, resolution_of
 from twin.condition import Condition
+from twin.orders.burst import DITHER, amplitude_error, resolution_of
 from twin.parameters import Circuit, PumpType, Sensor
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ _GOLDEN, _SILVER = (math.sqrt(5.0) - 1.0) / 2.0, math.sqrt(2.0) - 1.0
 _BITS = 12
 _BURST_RATE_HZ, _BURST_S = 10_000.0, 2.0
 _BURST_NOISE_BAR = (0.15, 0.003)
-"""White noise of the two sensors within a burst (that of ``twin.instrumentation``), never below what dithers the
+"""White noise of the two sensors within a burst (that of ``twin.simulation.instrumentation``), never below what dithers the
 converter."""
 
 

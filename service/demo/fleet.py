@@ -8,7 +8,7 @@ import numpy as np
 
 from service.demo.flights import FlightPlan, csv_bytes, flight
 from twin.condition import Health
-from twin.instrumentation import HELICOPTER, SensorModel, specimen
+from twin.simulation.instrumentation import HELICOPTER, SensorModel, specimen
 
 START = datetime(2026, 3, 2, 6, 30, tzinfo=UTC)
 ONSET_SHARE = 0.3

@@ -12,10 +12,10 @@ from datetime import datetime
 import numpy as np
 
 from twin.condition import INPUTS, Condition, Health, input_rows
-from twin.instrumentation import SensorModel, measured
 from twin.operating_point import operating_points
 from twin.pumps import circuit_parameters, pump_type
 from twin.recording import Recording
+from twin.simulation.instrumentation import SensorModel, measured
 
 PUMP_OFF_S, RUN_UP_S, SETTLE_S, ZERO_FLOW_S, FLIGHT_S, COAST_S = 40, 20, 30, 90, 240, 60
 DRAIN_WEIGHTS = {"drain_viscosity_weight_change": 0.4, "drain_flow_weight_change": 0.6}

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
-from twin.fluids import FLUIDS
 from twin.parameters import Circuit, PumpType, Sensor
 from twin.pumps import circuit_parameters
+from twin.pumps.fluids import FLUIDS
 
 DEFAULT_CIRCUIT = "shared_return"
 """Circuit of an aircraft of which the registry says nothing."""

@@ -11,11 +11,11 @@ from detectors.reduction.spectrum import PRESSURES, spectrum
 from detectors.words.signature import Spectrum
 from detectors.words.thresholds import effective
 from service.history.codec import reduction_from_json, reduction_to_json
-from twin.burst import amplitude_error, measured_amplitudes, resolution_of
 from twin.condition import Condition
-from twin.instrumentation import HELICOPTER, measured
+from twin.orders.burst import amplitude_error, measured_amplitudes, resolution_of
 from twin.pumps import circuit_parameters, pump_type
 from twin.recording import Recording
+from twin.simulation.instrumentation import HELICOPTER, measured
 from twin.simulation.run import simulate
 from twin.simulation.scenario import Scenario
 

@@ -3,7 +3,7 @@
 import pytest
 
 from twin.condition import Condition
-from twin.geometry import geometry_faults
+from twin.parts.geometry import geometry_faults
 from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
 from twin.simulation.run import simulate
 from twin.simulation.scenario import Scenario

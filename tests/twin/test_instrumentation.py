@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from twin.instrumentation import HELICOPTER, TEST_BENCH, Instrument, SensorModel, measured, shown, specimen
 from twin.recording import Recording
+from twin.simulation.instrumentation import HELICOPTER, TEST_BENCH, Instrument, SensorModel, measured, shown, specimen
 
 N = 20_000
 TRUTH = np.full(N, 1.0)

@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from twin.fluids import FLUIDS
-from twin.laws.bench import drain_pressure_drop, load_flow, return_pressure_drop, return_pressure_drop_with_slope
 from twin.laws.fluid import (
     P_ATMOSPHERE,
     bulk_modulus,
@@ -16,7 +14,9 @@ from twin.laws.fluid import (
     throttling_heating,
 )
 from twin.laws.gap import annular_gap_flow, land_conductance, land_flow, port_plate_gap_flow, throttled_land_flow
+from twin.laws.lines import drain_pressure_drop, load_flow, return_pressure_drop, return_pressure_drop_with_slope
 from twin.laws.orifice import orifice_flow, tanh_coefficient, viersma_coefficient
+from twin.pumps.fluids import FLUIDS
 from twin.units import M3_PER_S_PER_LPM as LPM
 from twin.units import PA_PER_BAR as BAR
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.linear import solve_in_place
+from twin.operating_point.elimination import solve_in_place
 
 
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (5, 17), (6, 1)])

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.burst_surrogate import lines, uneven
 from twin.condition import INPUTS, Condition, Health, input_rows
-from twin.orders import SURFACES, order_amplitudes, order_derivatives, order_surfaces
+from twin.orders.surfaces import SURFACES, order_amplitudes, order_derivatives, order_surfaces
 from twin.pumps import pump_type
 
 PUMP = pump_type("h225").pump

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.referee import compared
 from twin.condition import Condition, Health
-from twin.laws.bench import drain_pressure_drop, return_pressure_drop
 from twin.laws.compressibility import medium_of, relative_density
+from twin.laws.lines import drain_pressure_drop, return_pressure_drop
 from twin.operating_point import operating_point
 from twin.parameters import Circuit, Pump
 from twin.parts.circuit import drain_conductance, return_conductance

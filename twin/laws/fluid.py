@@ -10,7 +10,7 @@ _LN_10 = math.log(10.0)
 
 
 class Fluid(NamedTuple):
-    """Constants of one fluid, SI; see ``twin.fluids`` for the sets with units, sources and uncertainty."""
+    """Constants of one fluid, SI; see ``twin.pumps.fluids`` for the sets with units, sources and uncertainty."""
 
     astm_a: float
     astm_b: float

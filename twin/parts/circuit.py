@@ -3,7 +3,7 @@
 import math
 
 from twin.compiled import compiled
-from twin.laws.bench import return_pressure_drop
+from twin.laws.lines import return_pressure_drop
 
 DP_LAMINAR = 1.0e3
 """Pressure difference below which turbulent passages of the circuit count as laminar [Pa]."""

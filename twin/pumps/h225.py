@@ -8,7 +8,6 @@ rate, rate-spring stiffness. The rest are estimates that meet the thesis' target
 
 from collections.abc import Mapping
 
-from twin.fluids import FLUIDS, MIL_PRF_83282
 from twin.parameters import (
     Compensator,
     Drive,
@@ -24,6 +23,7 @@ from twin.parameters import (
     Volumes,
     block,
 )
+from twin.pumps.fluids import FLUIDS, MIL_PRF_83282
 
 _EST = "estimate: meets the thesis' targets together with the other geometry"
 _SHEET = "fitted to the acceptance sheet, Mkadara 2020, annex A-4"

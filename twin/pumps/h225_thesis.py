@@ -9,9 +9,9 @@ viscosity (case flow), piston clearance (leakage of the pistons). Table 4-3 has 
 from collections.abc import Mapping
 from dataclasses import replace
 
-from twin.fluids import MIL_PRF_83282
 from twin.laws.fluid import Fluid
 from twin.parameters import Piston, Quantity, Slipper, block
+from twin.pumps.fluids import MIL_PRF_83282
 from twin.pumps.h225 import H225, PISTON, SLIPPER
 
 _FIT_2_13 = "fitted to table 2-13 together with the other two; not unique"

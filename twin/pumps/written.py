@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Any, TypeGuard
 
 from twin.condition import Condition
-from twin.geometry import geometry_faults
 from twin.operating_point import operating_point, problem
 from twin.parameters import Pump, PumpType, Quantity, Sensor, block
+from twin.parts.geometry import geometry_faults
 from twin.pumps import PUMP_TYPES, circuit_parameters
 
 _GROUPS = ("quantities", "limits", "population")

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.condition import Condition, Health
-from twin.geometry import geometry_faults
 from twin.parameters import Circuit, Pump
+from twin.parts.geometry import geometry_faults
 from twin.recording import Recording
 from twin.simulation.layout import ALPHA, N_SHARED, P_C, P_D, THETA, state_name
 from twin.simulation.loop import CAVITATED, DIVERGED, N_MEAN, N_SAMPLE, RUNNING, STEP_TOO_SHORT, run_loop, workspace

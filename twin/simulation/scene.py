@@ -11,6 +11,7 @@ from twin.condition import INPUTS
 from twin.laws.compressibility import Medium, medium_of
 from twin.laws.fluid import P_ATMOSPHERE, Film, density, dynamic_viscosity, film_of, kinematic_viscosity
 from twin.laws.metering_edge import Edge
+from twin.operating_point.equations import OMEGA_REF, T_50
 from twin.parameters import Circuit, Pump
 from twin.parts.compensator import edge_of
 from twin.parts.slipper import (
@@ -20,7 +21,6 @@ from twin.parts.slipper import (
     squeeze_coefficient,
     throttle_coefficient,
 )
-from twin.steady_state import OMEGA_REF, T_50
 from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
 
 Vector = NDArray[np.float64]

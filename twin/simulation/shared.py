@@ -14,6 +14,7 @@ from twin.compiled import compiled, inlined
 from twin.laws.compressibility import relative_compressibility
 from twin.laws.fluid import film_viscosity, throttling_heating
 from twin.laws.friction import friction_damping, friction_damping_ahead
+from twin.operating_point.equations import drain_viscosity_ratio
 from twin.parameters import Circuit, Pump
 from twin.parts import servo as servo_part
 from twin.parts.circuit import counted_conductance, drain_conductance, return_conductance, turbulent_conductance
@@ -42,7 +43,6 @@ from twin.simulation.layout import (
     X,
 )
 from twin.simulation.scene import Scene
-from twin.steady_state import drain_viscosity_ratio
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 
 from twin.condition import INPUTS, OUTPUTS
 from twin.laws.fluid import P_ATMOSPHERE
+from twin.operating_point.equations import N_UNKNOWNS
+from twin.operating_point.solver import WORK_ROWS, solve_cold
 from twin.parameters import Circuit, Pump
 from twin.simulation.layout import (
     ALPHA,
@@ -20,8 +22,6 @@ from twin.simulation.layout import (
     n_states,
 )
 from twin.simulation.scene import N_SCENE, TRANSIENT_INPUTS
-from twin.steady_solver import WORK_ROWS, solve_cold
-from twin.steady_state import N_UNKNOWNS
 from twin.units import PA_PER_BAR, RAD_PER_S_PER_RPM
 
 Vector = NDArray[np.float64]

@@ -13,10 +13,10 @@ from service.studies.simulation import writer as writers
 from service.studies.simulation.picture import Thinned, drawn
 from service.studies.simulation.scenario_file import ScenarioFaultsError, ScenarioFile, read_scenario
 from service.studies.simulation.writer import record_writer
-from twin.instrumentation import HELICOPTER, TEST_BENCH, Instrumentation, SensorModel
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES, circuit_parameters
 from twin.pumps.circuits import CIRCUITS
+from twin.simulation.instrumentation import HELICOPTER, TEST_BENCH, Instrumentation, SensorModel
 from twin.simulation.run import Run, Status, pieces
 
 SENSORS: Mapping[str, Mapping[str, SensorModel]] = {"none": {}, "helicopter": HELICOPTER, "test_bench": TEST_BENCH}

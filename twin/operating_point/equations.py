@@ -6,7 +6,7 @@ control pressure has fallen below what would hold the plate there, so that the r
 pump are one smooth problem.
 
 Averages over a revolution, all derived: half of the pistons see P_d and half the suction pressure, changing over
-at the commutation angles of ``twin.parts.commutation``; the flows of the control volume are means over the ripple of
+at the commutation angles of ``twin.operating_point.commutation``; the flows of the control volume are means over the ripple of
 its pressure, which comes from there too; the mean of
 1/length over a stroke is ``1/sqrt(l^2 - (R tan alpha)^2)``; the drag (Couette) flow of a piston has no mean
 over a revolution but carries fluid from the discharge to the suction half. Flows count volume at ambient
@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
-from twin.laws.bench import drain_pressure_drop, return_pressure_drop
 from twin.laws.compressibility import P_FLOOR, Medium, medium_of, relative_compressibility, relative_density
 from twin.laws.fluid import (
     P_ATMOSPHERE,
@@ -34,10 +33,11 @@ from twin.laws.fluid import (
     throttling_heating,
 )
 from twin.laws.gap import annular_gap_flow, land_conductance, port_plate_gap_flow, throttled_land_flow
+from twin.laws.lines import drain_pressure_drop, return_pressure_drop
 from twin.laws.metering_edge import Edge
+from twin.operating_point.commutation import Change, Commutations, Support, commutations
 from twin.parameters import Circuit, Pump, Slipper
 from twin.parts.circuit import P_COUNTED, counted_conductance
-from twin.parts.commutation import Change, Commutations, Support, commutations
 from twin.parts.compensator import bleed_conductance, edge_of, inlet, jet_stiffness, outlet, seal_conductance
 from twin.parts.drive import friction_torque
 from twin.parts.piston import chamber_volume, volume_by_tilt

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.condition import INPUTS, RANGES, RESERVOIR_RANGE_BAR
-from twin.linear import solve_in_place
+from twin.operating_point.commutation import Commutations
+from twin.operating_point.elimination import solve_in_place
+from twin.operating_point.equations import N_UNKNOWNS, Warmth, commute, evaluate, warmth_of
 from twin.parameters import Circuit, Pump
-from twin.parts.commutation import Commutations
-from twin.steady_state import N_UNKNOWNS, Warmth, commute, evaluate, warmth_of
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
 
 Vector = NDArray[np.float64]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.condition import INPUTS, OUTPUTS, RANGES, RESERVOIR_RANGE_BAR, Condition, Health, OperatingPoints, input_rows
+from twin.operating_point.solver import DEMAND_TOO_HIGH, NOT_CONVERGED, NOT_FINITE, OUT_OF_RANGE, solve_batch
 from twin.parameters import Circuit, Pump
-from twin.steady_solver import DEMAND_TOO_HIGH, NOT_CONVERGED, NOT_FINITE, OUT_OF_RANGE, solve_batch
 
 PROBLEMS: dict[int, str] = {
     NOT_FINITE: "an input is not a number: give every condition, health value and load as a finite number",

@@ -120,7 +120,7 @@ def order_surfaces(pump_type: str = "h225", circuit: str = "shared_return") -> O
     ValueError
         when none were fitted: say which there are and how to fit more.
     """
-    source = files("twin.pumps") / f"{pump_type}_orders.json"
+    source = files("twin.orders") / f"{pump_type}.json"
     found: dict[str, Any] = json.loads(source.read_text(encoding="utf-8")) if source.is_file() else {}
     if found.get("circuit") != circuit:
         raise ValueError(
