@@ -192,14 +192,14 @@ def write(surfaces: OrderSurfaces, points: int) -> None:
     document = {
         "source": f"benchmarks/burst_surrogate.py: least squares on {len(WORN) * points} runs of the transient pump",
         "circuit": surfaces.circuit,
-    path = Path(__file__).parent.parent / "twin" / "orders" / f"{surfaces.pump_type}.json"
+        "fitted_to": surfaces.fitted_to,
         "surfaces": list(SURFACES),
         "piston_share": round(surfaces.piston_share, 5),
         "low": [float(f"{v:.6g}") for v in surfaces.low],
         "high": [float(f"{v:.6g}") for v in surfaces.high],
         "coefficients": [[float(f"{v:.6g}") for v in row] for row in surfaces.coefficients],
     }
-    path = Path(__file__).parent.parent / "twin" / "pumps" / f"{surfaces.pump_type}_orders.json"
+    path = Path(__file__).parent.parent / "twin" / "orders" / f"{surfaces.pump_type}.json"
     lines_of = [f" {json.dumps(key)}: {json.dumps(value)}" for key, value in document.items()]
     path.write_text("{\n" + ",\n".join(lines_of).replace("], [", "],\n  [") + "\n}\n", encoding="utf-8")
 
