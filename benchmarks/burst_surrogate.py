@@ -21,13 +21,21 @@ from scipy.stats import qmc
 from benchmarks import keep
 from twin.condition import Condition, Health, input_rows
 from twin.orders.surfaces import (
+    D_1,
     N_COORDINATES,
+    N_FOUND,
+    N_TERMS,
+    PISTONS_IMAGINARY,
+    PISTONS_REAL,
+    SLIPPERS_IMAGINARY,
+    SLIPPERS_REAL,
     SURFACES,
     OrderSurfaces,
     order_amplitudes,
-    order_coordinates,
-    order_terms,
+    write_coordinates,
+    write_terms,
 )
+from twin.parameters import Pump
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.layout import THETA
 from twin.simulation.run import DEFAULT_STEP_S, simulate
@@ -110,6 +118,25 @@ class Design:
         return order_coordinates(KIND.pump, self.rows, self.gaps[:, v], self.clearances[:, v])
 
 
+def order_coordinates(pump: Pump, rows: Matrix, slipper_gaps: Matrix, piston_clearances: Matrix) -> Matrix:
+    """Coordinates and vector sums of uneven leakage, as the surfaces are fitted in, shape (m, N_FOUND).
+
+    The last four are real and imaginary part of the slippers' and of the pistons' sum [L/min].
+    """
+    found = np.empty((len(rows), N_FOUND))
+    for i in range(len(rows)):
+        write_coordinates(pump, rows[i], slipper_gaps[i], piston_clearances[i], found[i])
+    return found
+
+
+def order_terms(coordinates: Matrix) -> Matrix:
+    """Terms of the polynomial at coordinates (m, N_COORDINATES), shape (m, N_TERMS)."""
+    found = np.empty((len(coordinates), N_TERMS))
+    for i in range(len(coordinates)):
+        write_terms(np.ascontiguousarray(coordinates[i]), found[i])
+    return found
+
+
 def fitted(design: Design) -> OrderSurfaces:
     """Surfaces by least squares: commutation's lines from all runs, unevenness' from the worn slipper."""
     u = np.concatenate([design.coordinates(v) for v in range(len(WORN))])
@@ -121,10 +148,12 @@ def fitted(design: Design) -> OrderSurfaces:
     rows = [np.linalg.lstsq(A, y, rcond=None)[0] for y in targets]
     worn = design.coordinates(1)
     B, difference = order_terms(worn[:, :N_COORDINATES]), design.lines[:, 1] - design.lines[:, 0]
-    per_flow = np.log(np.abs(difference) / np.hypot(worn[:, 13], worn[:, 14])[:, None, None])
+    per_flow = np.log(np.abs(difference) / np.hypot(worn[:, SLIPPERS_REAL], worn[:, SLIPPERS_IMAGINARY])[:, None, None])
     rows += [np.linalg.lstsq(B, per_flow[:, k, j], rcond=None)[0] for k in range(2) for j in (0, 1, 3)]
     pistons, u_p = design.lines[:, 2, 0, 0] - design.lines[:, 0, 0, 0], design.coordinates(2)
-    drawn = np.exp(order_terms(u_p[:, :N_COORDINATES]) @ rows[5]) * np.hypot(u_p[:, 15], u_p[:, 16])
+    drawn = np.exp(order_terms(u_p[:, :N_COORDINATES]) @ rows[D_1]) * np.hypot(
+        u_p[:, PISTONS_REAL], u_p[:, PISTONS_IMAGINARY]
+    )
     share = float(np.abs(pistons) @ drawn / (drawn @ drawn))
     return OrderSurfaces(
         KIND.name, CIRCUIT, twin_version(KIND), np.array(rows),

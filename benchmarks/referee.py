@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from sksundae.cvode import CVODE
 
+from benchmarks.right_hand_side import rates
 from twin.condition import Condition, Health
 from twin.parameters import Circuit, Pump
 from twin.parts.circuit import drain_conductance, turbulent_conductance
@@ -16,7 +17,6 @@ from twin.simulation.layout import N_COLUMNS, P_C, P_D, P_I, STATE_NAMES
 from twin.simulation.run import steady_run
 from twin.simulation.scenario import Scenario, Value
 from twin.simulation.scene import N_SCENE, Scene, scene_of
-from twin.simulation.step import rates
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR
 from twin.validation.spectrum import order_amplitudes
 
@@ -72,7 +72,7 @@ def problem(
     scale = np.array(shared + rest)
 
     def f(_t: float, y: Vector, dy: Vector) -> None:
-        rates(pump, circuit, scene, y * scale, n, 0.0, clearances, chambers, dy)
+        rates(pump, circuit, scene, y * scale, n, clearances, chambers, dy)
         dy /= scale
 
     return Problem(pump, circuit, scene, scale, f)

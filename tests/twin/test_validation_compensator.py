@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from sksundae.cvode import CVODE
 
+from benchmarks.right_hand_side import rates
 from twin.laws.compressibility import relative_density
 from twin.laws.friction import friction_damping_ahead
 from twin.parts.piston import chamber_volume
@@ -26,7 +27,6 @@ from twin.simulation.layout import (
 from twin.simulation.run import Run, simulate
 from twin.simulation.scenario import Scenario, Schedule
 from twin.simulation.scene import Scene, scene_of
-from twin.simulation.step import rates
 from twin.units import M3_PER_S_PER_LPM
 from twin.validation.compensator import compensator, erosion, jamming
 from twin.validation.effects import TABLE_2_7, Effect, with_fields
@@ -195,7 +195,7 @@ class TestSporadicContact:
         clearances, table = np.ones((N, 2)), np.zeros((N, N_COLUMNS))
 
         def f(t: float, y: np.ndarray, dy: np.ndarray) -> None:
-            rates(FREE, STAND, scene, y * scale, N, 0.0, clearances, table, dy)
+            rates(FREE, STAND, scene, y * scale, N, clearances, table, dy)
             dy /= scale
 
         solver = CVODE(f, method="BDF", rtol=1e-8, atol=1e-8, max_num_steps=1_000_000)

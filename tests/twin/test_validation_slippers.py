@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from benchmarks.right_hand_side import lifted_rates
 from twin.parameters import Pump
 from twin.simulation.layout import CAPACITY, COS, DENSITY, N_COLUMNS, N_SHARED, OMEGA, SIN
-from twin.simulation.slippers import lifted_rates
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_DEG
 from twin.validation.evidence import Evidence, Row
 from twin.validation.slipper_rig import (

@@ -27,7 +27,10 @@ def land_conductance(mu: float, h: float, diameter_ratio: float) -> float:
 
 @compiled
 def land_flow(P_0: float, P_1: float, mu: float, h: float, diameter_ratio: float) -> float:
-    """Flow out of a slipper pocket over its land of outer to inner diameter ``diameter_ratio`` [m3/s] (2-26)."""
+    """Flow out of a slipper pocket over its land of outer to inner diameter ``diameter_ratio`` [m3/s] (2-26).
+
+    Not called by the pump yet: it takes ``land_conductance``; the bench of the slipper does.
+    """
     return land_conductance(mu, h, diameter_ratio) * (P_0 - P_1)
 
 

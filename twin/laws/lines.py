@@ -7,7 +7,10 @@ from twin.compiled import compiled
 
 @compiled
 def load_flow(P_d: float, P_i: float, k_d: float) -> float:
-    """Flow through the load of coefficient k_d [Pa/(m3/s)^2] (3-2, mended: the root spans the pressure too)."""
+    """Flow through the load of coefficient k_d [Pa/(m3/s)^2] (3-2, mended: the root spans the pressure too).
+
+    Not called by the pump yet: ``parts.circuit.turbulent_conductance`` writes it as a secant.
+    """
     flow = math.sqrt(abs(P_d - P_i) / k_d)
     return flow if P_d >= P_i else -flow
 

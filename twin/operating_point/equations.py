@@ -6,7 +6,7 @@ control pressure has fallen below what would hold the plate there, so that the r
 pump are one smooth problem.
 
 Averages over a revolution, all derived: half of the pistons see P_d and half the suction pressure, changing over
-at the commutation angles of ``twin.operating_point.commutation``; the flows of the control volume are means over the ripple of
+at the commutation angles of ``commutation``; the flows of the control volume are means over the ripple of
 its pressure, which comes from there too; the mean of
 1/length over a stroke is ``1/sqrt(l^2 - (R tan alpha)^2)``; the drag (Couette) flow of a piston has no mean
 over a revolution but carries fluid from the discharge to the suction half. Flows count volume at ambient
@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import columns as at
 from twin.compiled import compiled
 from twin.laws.compressibility import P_FLOOR, Medium, medium_of, relative_compressibility, relative_density
 from twin.laws.fluid import (
@@ -51,7 +52,12 @@ from twin.units import (
     RAD_PER_S_PER_RPM,
 )
 
+U_P_D, U_P_C, U_TILT, U_SPOOL, U_LOAD = range(5)
+"""Unknowns: discharge and case pressure [Pa], tilt coordinate s [rad], spool position [m], flow of the load [m3/s]."""
 N_UNKNOWNS = 5
+DELIVERY, DRAIN, BALANCE, CONTROL, DEMAND = range(5)
+"""Residuals: flow of the discharge node [m3/s], pressure at the drain [Pa], force on the spool [N], flow of the control
+volume [m3/s], what the load asks for [m3/s, or Pa where it is a resistance]."""
 T_50 = KELVIN_AT_0_DEGC + 50.0
 OMEGA_REF = 4600.0 * RAD_PER_S_PER_RPM
 
@@ -86,7 +92,7 @@ class Warmth(NamedTuple):
 @compiled
 def warmth_of(fluid: Fluid, row: Vector) -> Warmth:
     """Properties at the temperature of a row of inputs."""
-    T = row[1] + _T_0
+    T = row[at.TEMPERATURE] + _T_0
     mu_ratio = dynamic_viscosity(fluid, T, P_ATMOSPHERE) / dynamic_viscosity(fluid, T_50, P_ATMOSPHERE)
     rho, nu = density(fluid, T, P_ATMOSPHERE), kinematic_viscosity(fluid, T)
     return Warmth(T, rho, nu, medium_of(fluid, T), film_of(fluid, T), mu_ratio)
@@ -129,9 +135,9 @@ def _land_flow(slipper: Slipper, warmth: Warmth, mu: float, P: float, P_c: float
 def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
     """Commutations at unknowns u (5,): they depend on P_d, P_c and s, on speed, fluid, reservoir and leakage only."""
     piston, servo, medium = pump.piston, pump.servo, warmth.medium
-    omega = row[0] * _RPM
-    P_d, P_c, s = u[0], u[1], u[2]
-    P_s = (row[2] + row[4]) * _BAR
+    omega = row[at.SPEED] * _RPM
+    P_d, P_c, s = u[U_P_D], u[U_P_C], u[U_TILT]
+    P_s = (row[at.RESERVOIR] + row[at.AMBIENT]) * _BAR
     t = math.tan(min(s, pump.swashplate.alpha_max))
     t_max = math.tan(pump.swashplate.alpha_max)
     V_min = chamber_volume(piston, t_max, t, -1.0)
@@ -141,9 +147,13 @@ def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
     v_0 = math.sqrt(2.0 * max(dP, 1.0) / warmth.rho)
 
     mu = film_viscosity(warmth.film, P_d, P_c)
-    land = row[5] * row[6] * _land_flow(pump.slipper, warmth, mu, P_d, P_c)
+    land = row[at.PUMP_SCALE] * row[at.SLIPPER_SCALE] * _land_flow(pump.slipper, warmth, mu, P_d, P_c)
     reach = piston.R * t
-    ring = row[5] * row[7] * annular_gap_flow(P_d, P_c, mu, piston.d_p, piston.b, 1.0, piston.e_rel * piston.b, 0.0)
+    ring = (
+        row[at.PUMP_SCALE]
+        * row[at.PISTON_SCALE]
+        * annular_gap_flow(P_d, P_c, mu, piston.d_p, piston.b, 1.0, piston.e_rel * piston.b, 0.0)
+    )
     # share of the fluid that half of the pressure takes, from either end
     middle = (relative_density(medium, 0.5 * (P_d + P_s)) - relative_density(medium, P_s)) / strain
     bend = (2.0 * middle - 1.0) / (1.0 - middle)
@@ -160,7 +170,7 @@ def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
     seal_out = seal_conductance(pump.compensator, mu_out, pump.compensator.l_seal_case)
     turbulent = bleed_conductance(pump.compensator, dP_ctrl, warmth.rho)
     laminar = stroking_leakage(servo, mu_out) + seal_out
-    fed = (laminar + turbulent) * dP_ctrl + row[9] * _LPM
+    fed = (laminar + turbulent) * dP_ctrl + row[at.CONTROL_BLEED] * _LPM
     # laminar passages give way in proportion, turbulent ones by half
     conductance = laminar + 0.5 * turbulent + 0.5 * (fed / dP_in + seal_in)
     capacity = relative_compressibility(medium, P_c + dP_ctrl) * pump.volumes.control
@@ -206,11 +216,11 @@ def evaluate(
     ``warmth_of`` and ``commute`` there; ``k_d`` > 0 sets the load by equation 3-2 [Pa/(m3/s)^2], else the discharge
     flow of the row is imposed. F is in flow, Pa and N.
     """
-    omega = row[0] * _RPM
+    omega = row[at.SPEED] * _RPM
     T, medium, film = warmth.T, warmth.medium, warmth.film
-    P_amb = row[4] * _BAR
-    P_r = row[2] * _BAR + P_amb
-    P_d, P_c, s, x, Q_L = u[0], u[1], u[2], u[3], u[4]
+    P_amb = row[at.AMBIENT] * _BAR
+    P_r = row[at.RESERVOIR] * _BAR + P_amb
+    P_d, P_c, s, x, Q_L = u[U_P_D], u[U_P_C], u[U_TILT], u[U_SPOOL], u[U_LOAD]
     piston, slipper, plate, comp, fluid = pump.piston, pump.slipper, pump.port_plate, pump.compensator, pump.fluid
     servo = pump.servo
     P_s = P_r
@@ -227,10 +237,10 @@ def evaluate(
     Q_pump = piston.n * omega / (2.0 * math.pi) * (r_s * V_max - r_d * V_min + changes.drawn)
 
     half = 0.5 * piston.n
-    scale = row[5]
+    scale = row[at.PUMP_SCALE]
     l_mean = math.sqrt(piston.l_mean**2 - (piston.R * t) ** 2)
-    k_piston, e = scale * row[7], piston.e_rel * piston.b
-    k_slipper = scale * row[6]
+    k_piston, e = scale * row[at.PISTON_SCALE], piston.e_rel * piston.b
+    k_slipper = scale * row[at.SLIPPER_SCALE]
     # leaks of one chamber at either pressure
     ring_d = k_piston * annular_gap_flow(P_d, P_c, mu_d, piston.d_p, piston.b, l_mean, e, 0.0)
     ring_s = k_piston * annular_gap_flow(P_s, P_c, mu_s, piston.d_p, piston.b, l_mean, e, 0.0)
@@ -238,9 +248,9 @@ def evaluate(
     land_s = k_slipper * _land_flow(slipper, warmth, mu_s, P_s, P_c)
     v_mean = 2.0 * piston.R * t * omega / math.pi
     drag = half * 0.5 * v_mean * piston.b * math.pi * piston.d_p
-    k_plate = scale * row[8]
+    k_plate = scale * row[at.PORT_PLATE_SCALE]
     plate_d = k_plate * port_plate_gap_flow(P_d, P_c, mu_d, plate.h, plate.shape)
-    throttled = row[16] * _LPM * math.sqrt(max(P_d - P_c, 0.0) / P_COUNTED)
+    throttled = row[at.THROTTLED_LEAKAGE] * _LPM * math.sqrt(max(P_d - P_c, 0.0) / P_COUNTED)
     plate_s = k_plate * port_plate_gap_flow(P_s, P_c, mu_s, plate.h, plate.shape)
 
     # a chamber is under pressure from one commutation to the other
@@ -249,9 +259,9 @@ def evaluate(
     slipper_d, slipper_s = high * land_d, (piston.n - high) * land_s
     delays = math.sin(changes.rising) + math.sin(changes.falling)
     P_ctrl = P_c + control_pressure_difference(pump, s, omega, P_d - P_s, delays)[0]
-    edge = edge_of(comp, row[17] * 1.0e-6)
+    edge = edge_of(comp, row[at.EDGE_ROUNDING] * 1.0e-6)
     # means over a ripple: for a sine the two ends of its standard deviation are Gauss and Chebyshev's points
-    bleed = row[9] * _LPM
+    bleed = row[at.CONTROL_BLEED] * _LPM
     in_1, out_1 = _control_flows(pump, warmth, edge, x, P_d, P_c, P_ctrl - changes.ripple, bleed)
     in_2, out_2 = _control_flows(pump, warmth, edge, x, P_d, P_c, P_ctrl + changes.ripple, bleed)
     inflow, outflow = 0.5 * (in_1 + in_2), 0.5 * (out_1 + out_2)
@@ -264,40 +274,47 @@ def evaluate(
     leak_d = piston_d - drag + slipper_d - carried + plate_d + throttled + rate_leak
     leak_s = piston_s + drag + slipper_s + carried + plate_s
     Q_c = leak_d + leak_s + Q_comp - rate_leak
-    k_c = circuit.k_c * (1.0 + circuit.k_c_slope * (T - circuit.T_ref)) * row[12]
+    k_c = circuit.k_c * (1.0 + circuit.k_c_slope * (T - circuit.T_ref)) * row[at.DRAIN_SCALE]
     k_inf = circuit.k_inf * (1.0 + circuit.k_inf_slope * (T - circuit.T_ref))
     K = circuit.K * (1.0 + circuit.K_slope * (T - circuit.T_ref))
     # the leak of the circuit, counted at 175 bar, ends in the return line, whose pressure hardly matters to it
-    Q_sys = counted_conductance(P_d - P_r, row[10] * _LPM) * (P_d - P_r)
+    Q_sys = counted_conductance(P_d - P_r, row[at.SYSTEM_LEAKAGE] * _LPM) * (P_d - P_r)
     P_i = P_r + return_pressure_drop(Q_L + Q_sys + circuit.shared * Q_c, k_inf, K, circuit.gamma)
     P_down = P_i if circuit.shared > 0.5 else P_r
     T_c = T + throttling_heating(fluid, T, P_d, P_c)
-    nu_ratio = drain_viscosity_ratio(pump.fluid, T_c) if circuit.w_nu + row[13] != 0.0 else 1.0
-    drop = drain_pressure_drop(Q_c, k_c, circuit.w_nu + row[13], circuit.w_Q + row[14], nu_ratio, circuit.Q_ref)
+    nu_ratio = drain_viscosity_ratio(pump.fluid, T_c) if circuit.w_nu + row[at.DRAIN_VISCOSITY_CHANGE] != 0.0 else 1.0
+    drop = drain_pressure_drop(
+        Q_c,
+        k_c,
+        circuit.w_nu + row[at.DRAIN_VISCOSITY_CHANGE],
+        circuit.w_Q + row[at.DRAIN_FLOW_CHANGE],
+        nu_ratio,
+        circuit.Q_ref,
+    )
 
     jet = jet_stiffness(comp, edge, x, P_d - P_ctrl)[0]
-    preload = comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[11] * _BAR * comp.A_spool
-    spring = preload + comp.k_spool * comp.x_zero + comp.k_spool * row[15] * (x - comp.x_zero)
+    preload = comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[at.SETTING_CHANGE] * _BAR * comp.A_spool
+    spring = preload + comp.k_spool * comp.x_zero + comp.k_spool * row[at.DROOP_SCALE] * (x - comp.x_zero)
 
-    F[0] = Q_pump - leak_d - inflow - Q_L - Q_sys
-    F[1] = P_c - P_down - drop
-    F[2] = (P_d - P_c) * comp.A_spool - spring - jet
-    F[3] = inflow - outflow
-    F[4] = P_d - P_i - k_d * Q_L * abs(Q_L) if k_d > 0.0 else Q_L - row[3] * _LPM
+    F[DELIVERY] = Q_pump - leak_d - inflow - Q_L - Q_sys
+    F[DRAIN] = P_c - P_down - drop
+    F[BALANCE] = (P_d - P_c) * comp.A_spool - spring - jet
+    F[CONTROL] = inflow - outflow
+    F[DEMAND] = P_d - P_i - k_d * Q_L * abs(Q_L) if k_d > 0.0 else Q_L - row[at.ASKED_FLOW] * _LPM
 
     torque = Q_pump * (P_d - P_s) / omega + friction_torque(pump.drive, warmth.mu_ratio, omega / OMEGA_REF, P_d - P_c)
 
-    Y[0] = (P_d - P_amb) / _BAR
-    Y[1] = (P_c - P_amb) / _BAR
-    Y[2] = (P_i - P_amb) / _BAR
-    Y[3] = (P_ctrl - P_amb) / _BAR
-    Y[4] = alpha / _DEG
-    Y[5] = Q_L / _LPM
-    Y[6] = Q_c / _LPM
-    Y[7] = torque
-    Y[8] = (piston_d + piston_s) / _LPM
-    Y[9] = (slipper_d + slipper_s + throttled) / _LPM
-    Y[10] = (plate_d + plate_s) / _LPM
-    Y[11] = Q_comp / _LPM
-    Y[12] = (Q_pump + leak_s) / _LPM
-    Y[13] = T_c - _T_0
+    Y[at.DISCHARGE_PRESSURE] = (P_d - P_amb) / _BAR
+    Y[at.CASE_PRESSURE] = (P_c - P_amb) / _BAR
+    Y[at.RETURN_PRESSURE] = (P_i - P_amb) / _BAR
+    Y[at.CONTROL_PRESSURE] = (P_ctrl - P_amb) / _BAR
+    Y[at.SWASHPLATE_ANGLE] = alpha / _DEG
+    Y[at.DISCHARGE_FLOW] = Q_L / _LPM
+    Y[at.CASE_FLOW] = Q_c / _LPM
+    Y[at.SHAFT_TORQUE] = torque
+    Y[at.PISTON_LEAKAGE] = (piston_d + piston_s) / _LPM
+    Y[at.SLIPPER_LEAKAGE] = (slipper_d + slipper_s + throttled) / _LPM
+    Y[at.PORT_PLATE_LEAKAGE] = (plate_d + plate_s) / _LPM
+    Y[at.COMPENSATOR_LEAKAGE] = Q_comp / _LPM
+    Y[at.SUCTION_FLOW] = (Q_pump + leak_s) / _LPM
+    Y[at.CASE_TEMPERATURE] = T_c - _T_0

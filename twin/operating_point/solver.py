@@ -5,11 +5,28 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import columns as at
 from twin.compiled import compiled
 from twin.condition import INPUTS, RANGES, RESERVOIR_RANGE_BAR
 from twin.operating_point.commutation import Commutations
 from twin.operating_point.elimination import solve_in_place
-from twin.operating_point.equations import N_UNKNOWNS, Warmth, commute, evaluate, warmth_of
+from twin.operating_point.equations import (
+    BALANCE,
+    CONTROL,
+    DELIVERY,
+    DEMAND,
+    DRAIN,
+    N_UNKNOWNS,
+    U_LOAD,
+    U_P_C,
+    U_P_D,
+    U_SPOOL,
+    U_TILT,
+    Warmth,
+    commute,
+    evaluate,
+    warmth_of,
+)
 from twin.parameters import Circuit, Pump
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
 
@@ -22,10 +39,6 @@ OUT_OF_RANGE = 2
 DEMAND_TOO_HIGH = 3
 NOT_CONVERGED = 4
 
-RESERVOIR = INPUTS.index("reservoir_pressure_bar")
-AMBIENT = INPUTS.index("ambient_pressure_bar")
-DROOP = INPUTS.index("droop_scale")
-TEMPERATURE = INPUTS.index("fluid_temperature_degc")
 _ANY = (-math.inf, math.inf)
 _LOW = tuple(RANGES.get(name, _ANY)[0] for name in INPUTS)
 _HIGH = tuple(RANGES.get(name, _ANY)[1] for name in INPUTS)
@@ -50,6 +63,9 @@ _COMMUTES = tuple(
 
 WORK_ROWS = 14
 """Rows of scratch that ``solve`` asks for, N_UNKNOWNS long."""
+_RESIDUALS, _NEARBY, _KEPT, _JACOBIAN, _SPENT, _MOVE = 0, 1, 2, 3, 8, 13
+"""Where they hold residuals, residuals nearby, the unknowns before a step, the Jacobian, what elimination spends of it,
+the step."""
 
 _MAX_ITERATIONS = 60
 _MAX_HALVINGS = 12
@@ -69,8 +85,16 @@ _TILT_LOW = -0.1
 
 @compiled
 def _norm(F: Vector, k_d: float) -> float:
-    last = F[4] / (1.0e7 if k_d > 0.0 else 1.0e-4)
-    return float(max(abs(F[0]) / 1.0e-4, abs(F[1]) / 1.0e5, abs(F[2]) / 100.0, abs(F[3]) / 1.0e-5, abs(last)))
+    last = F[DEMAND] / (1.0e7 if k_d > 0.0 else 1.0e-4)
+    return float(
+        max(
+            abs(F[DELIVERY]) / 1.0e-4,
+            abs(F[DRAIN]) / 1.0e5,
+            abs(F[BALANCE]) / 100.0,
+            abs(F[CONTROL]) / 1.0e-5,
+            abs(last),
+        )
+    )
 
 
 @compiled
@@ -78,24 +102,24 @@ def start(pump: Pump, row: Vector, k_d: float, at_stop: bool, u: Vector) -> None
     """First guess of the unknowns: the regulated pump at its setting, or the pump at its tilt stop."""
     comp = pump.compensator
     alpha_max = pump.swashplate.alpha_max
-    P_r = (row[2] + row[4]) * PA_PER_BAR
-    setting = (comp.F_preload + comp.k_spool * comp.x_zero) / comp.A_spool + row[11] * PA_PER_BAR
+    P_r = (row[at.RESERVOIR] + row[at.AMBIENT]) * PA_PER_BAR
+    setting = (comp.F_preload + comp.k_spool * comp.x_zero) / comp.A_spool + row[at.SETTING_CHANGE] * PA_PER_BAR
     A_p = 0.25 * math.pi * pump.piston.d_p**2
-    per_tangent = pump.piston.n * A_p * pump.piston.R * row[0] * RAD_PER_S_PER_RPM / math.pi
+    per_tangent = pump.piston.n * A_p * pump.piston.R * row[at.SPEED] * RAD_PER_S_PER_RPM / math.pi
     Q_max = 0.97 * per_tangent * math.tan(alpha_max)
-    Q = min(math.sqrt(setting / k_d), Q_max) if k_d > 0.0 else row[3] * M3_PER_S_PER_LPM
-    u[1] = P_r + 0.5e5
-    u[4] = Q
+    Q = min(math.sqrt(setting / k_d), Q_max) if k_d > 0.0 else row[at.ASKED_FLOW] * M3_PER_S_PER_LPM
+    u[U_P_C] = P_r + 0.5e5
+    u[U_LOAD] = Q
     if at_stop:
-        u[0] = P_r + min(k_d * Q * Q, 0.98 * setting) if k_d > 0.0 else P_r + 0.9 * setting
-        u[2] = alpha_max + 0.05
+        u[U_P_D] = P_r + min(k_d * Q * Q, 0.98 * setting) if k_d > 0.0 else P_r + 0.9 * setting
+        u[U_TILT] = alpha_max + 0.05
         # the spring balance says how far the missing pressure lets a soft spring push the spool
-        lacking = (setting - (u[0] - u[1])) * comp.A_spool
-        u[3] = min(comp.x_zero - lacking / (comp.k_spool * max(row[DROOP], 0.01)), -0.2e-3)
+        lacking = (setting - (u[U_P_D] - u[U_P_C])) * comp.A_spool
+        u[U_SPOOL] = min(comp.x_zero - lacking / (comp.k_spool * max(row[at.DROOP_SCALE], 0.01)), -0.2e-3)
     else:
-        u[0] = u[1] + setting
-        u[2] = min(math.atan((Q + 2.0e-5) / per_tangent), alpha_max)
-        u[3] = comp.x_zero
+        u[U_P_D] = u[U_P_C] + setting
+        u[U_TILT] = min(math.atan((Q + 2.0e-5) / per_tangent), alpha_max)
+        u[U_SPOOL] = comp.x_zero
 
 
 @compiled
@@ -107,12 +131,11 @@ def _jacobian(
     row: Vector,
     k_d: float,
     u: Vector,
-    F: Vector,
     Y: Vector,
-    J: Matrix,
-    F_2: Vector,
+    work: Matrix,
 ) -> None:
-    """Forward-difference Jacobian of the residuals in scaled unknowns, shape (5, 5)."""
+    """Forward-difference Jacobian of the residuals in scaled unknowns, into ``work``, which holds the residuals."""
+    F, F_2, J = work[_RESIDUALS], work[_NEARBY], work[_JACOBIAN:_SPENT]
     for j in range(N_UNKNOWNS):
         kept = u[j]
         u[j] = kept + _STEP * _U[j]
@@ -132,8 +155,8 @@ def solve(
     While a step wins three digits its Jacobian serves the next one too: near the solution it hardly changes. ``near`` says
     that ``work`` holds the Jacobian of a neighbour: it is tried first.
     """
-    F, F_2, kept, J, spent = work[0], work[1], work[2], work[3:8], work[8:13]
-    b = work[13].reshape((N_UNKNOWNS, 1))
+    F, kept, J, spent = work[_RESIDUALS], work[_KEPT], work[_JACOBIAN:_SPENT], work[_SPENT:_MOVE]
+    b = work[_MOVE].reshape((N_UNKNOWNS, 1))
     warmth = warmth_of(pump.fluid, row)
     changes = commute(pump, warmth, row, u)
     evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
@@ -143,7 +166,7 @@ def solve(
         if norm < _TOLERANCE:
             return True
         if not reused:
-            _jacobian(pump, circuit, warmth, changes, row, k_d, u, F, Y, J, F_2)
+            _jacobian(pump, circuit, warmth, changes, row, k_d, u, Y, work)
         spent[:, :] = J
         for i in range(N_UNKNOWNS):
             b[i, 0] = -F[i]
@@ -161,7 +184,7 @@ def solve(
             changes = commute(pump, warmth, row, u)
             evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
             trial = _norm(F, k_d)
-            if u[2] > _TILT_LOW and (trial < norm or trial < _TOLERANCE):
+            if u[U_TILT] > _TILT_LOW and (trial < norm or trial < _TOLERANCE):
                 improved = True
                 norm = trial
                 break
@@ -181,20 +204,20 @@ def solve(
 @compiled
 def solve_cold(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: Vector, work: Matrix) -> bool:
     """Solve without a neighbour to start from; a stiff valve is reached from softer ones where it has to be."""
-    asked = row[DROOP]
+    asked = row[at.DROOP_SCALE]
     solved = False
     for droop in (asked, max(asked, 1.0), max(asked, 3.0)):
         for at_stop in (False, True):
             if not solved:
-                row[DROOP] = droop
+                row[at.DROOP_SCALE] = droop
                 start(pump, row, k_d, at_stop, u)
                 solved = solve(pump, circuit, row, k_d, u, Y, work, False)
-        while solved and row[DROOP] > asked:
-            row[DROOP] = max(asked, 0.5 * row[DROOP] - 0.01)
+        while solved and row[at.DROOP_SCALE] > asked:
+            row[at.DROOP_SCALE] = max(asked, 0.5 * row[at.DROOP_SCALE] - 0.01)
             solved = solve(pump, circuit, row, k_d, u, Y, work, False)
         if solved:
             break
-    row[DROOP] = asked
+    row[at.DROOP_SCALE] = asked
     return solved
 
 
@@ -229,7 +252,7 @@ def differentiate(
         kept = row[j]
         h = _SLOPE_STEP * max(1.0, abs(kept))
         row[j] = kept + h
-        warmer = warmth_of(pump.fluid, row) if j == TEMPERATURE else warmth
+        warmer = warmth_of(pump.fluid, row) if j == at.TEMPERATURE else warmth
         there = commute(pump, warmer, row, u) if _COMMUTES[j] else changes
         evaluate(pump, circuit, warmer, there, row, k_d, u, F_a, Y_a)
         row[j] = kept
@@ -255,7 +278,7 @@ def is_finite(row: Vector) -> bool:
 @compiled
 def is_in_range(row: Vector) -> bool:
     """True within the range in which the model's laws are meant: ``twin.condition.RANGES``."""
-    absolute = row[RESERVOIR] + row[AMBIENT]
+    absolute = row[at.RESERVOIR] + row[at.AMBIENT]
     ok = RESERVOIR_RANGE_BAR[0] <= absolute <= RESERVOIR_RANGE_BAR[1]
     for j in range(len(_LOW)):
         ok = ok and _LOW[j] <= row[j] <= _HIGH[j]
@@ -291,7 +314,9 @@ def solve_batch(
             solved = warm and solve(pump, circuit, row, k_d[i], u, Y[i], work, True)
             solved = solved or solve_cold(pump, circuit, row, k_d[i], u, Y[i], work)
             # an imposed flow beyond the delivery pulls the fully tilted pump down to the return line or lower
-            starved = not Y[i, 0] > Y[i, 2] or (not solved and u[2] > pump.swashplate.alpha_max)
+            starved = not Y[i, at.DISCHARGE_PRESSURE] > Y[i, at.RETURN_PRESSURE] or (
+                not solved and u[U_TILT] > pump.swashplate.alpha_max
+            )
             if solved and not starved:
                 status[i] = SOLVED
             else:

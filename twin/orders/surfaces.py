@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import columns as at
 from twin.compiled import compiled
 from twin.condition import INPUTS
 from twin.laws.fluid import P_ATMOSPHERE, density, gap_viscosity
@@ -30,6 +31,8 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 CHANNELS: tuple[str, ...] = ("discharge_pressure_bar", "case_pressure_bar")
+DISCHARGE, CASE = range(2)
+L_1, L_BELOW, L_N, L_ABOVE, L_2N = range(5)
 N_LINES = 5
 """Lines of each channel: orders 1, n - 1, n, n + 1, 2 n."""
 COORDINATES: tuple[str, ...] = (
@@ -49,6 +52,13 @@ COORDINATES: tuple[str, ...] = (
 )
 """What the surfaces are polynomials of: flows where a passage leaks, so that temperature and wear meet in one number."""
 N_COORDINATES = len(COORDINATES)
+(
+    C_SPEED, C_TEMPERATURE, C_RESERVOIR, C_SLIPPERS, C_PISTONS, C_PORT_PLATE, C_BLEED, C_SYSTEM, C_SETTING, C_DRAIN,
+    C_DROOP, C_THROTTLED, C_EDGES,
+) = range(N_COORDINATES)  # fmt: skip
+SLIPPERS_REAL, SLIPPERS_IMAGINARY, PISTONS_REAL, PISTONS_IMAGINARY = range(N_COORDINATES, N_COORDINATES + 4)
+"""Behind the coordinates: vector sums of uneven leakage [L/min]."""
+N_FOUND = N_COORDINATES + 4
 SURFACES: tuple[str, ...] = (
     "ln discharge n",
     "ln discharge 2n",
@@ -62,12 +72,14 @@ SURFACES: tuple[str, ...] = (
     "ln case n-1",
     "ln case n+1",
 )
+(
+    D_N, D_2N, C_2N, C_N_REAL, C_N_IMAGINARY, D_1, D_BELOW, D_ABOVE, C_1, C_BELOW, C_ABOVE,
+) = range(len(SURFACES))  # fmt: skip
 """Lines of commutation in bar; those of unevenness in bar per L/min of the vector sum of leakages."""
 N_TERMS = 1 + N_COORDINATES + N_COORDINATES * (N_COORDINATES + 1) // 2 + 5
 _P_ZERO_FLOW = 175.0
 _P_CASE = 1.5 * PA_PER_BAR + P_ATMOSPHERE
 _BY = {name: i for i, name in enumerate(INPUTS)}
-_FLOW = _BY["discharge_flow_lpm"]
 STEPS: Mapping[str, float] = {
     "speed_rpm": 10.0,
     "fluid_temperature_degc": 0.5,
@@ -193,25 +205,6 @@ def order_derivatives(
     return slopes
 
 
-def order_coordinates(pump: Pump, rows: Matrix, slipper_gaps: Matrix, piston_clearances: Matrix) -> Matrix:
-    """Coordinates and vector sums of uneven leakage, as the surfaces are fitted in, shape (m, N_COORDINATES + 4).
-
-    The last four are real and imaginary part of the slippers' and of the pistons' sum [L/min].
-    """
-    found = np.empty((len(rows), N_COORDINATES + 4))
-    for i in range(len(rows)):
-        _coordinates(pump, rows[i], slipper_gaps[i], piston_clearances[i], found[i])
-    return found
-
-
-def order_terms(coordinates: Matrix) -> Matrix:
-    """Terms of the polynomial at coordinates (m, N_COORDINATES), shape (m, N_TERMS)."""
-    found = np.empty((len(coordinates), N_TERMS))
-    for i in range(len(coordinates)):
-        _terms(np.ascontiguousarray(coordinates[i]), found[i])
-    return found
-
-
 def _checked(
     pump: Pump, rows: Matrix, slipper_gaps: Matrix | None, piston_clearances: Matrix | None
 ) -> tuple[Matrix, Matrix, Matrix]:
@@ -219,7 +212,7 @@ def _checked(
     n, faults = int(pump.piston.n), []
     if rows.ndim != 2 or rows.shape[1] != len(INPUTS):
         raise ValueError(f"rows must have shape (m, {len(INPUTS)}), one column per input; got {rows.shape}")
-    if np.any(rows[:, _FLOW] != 0.0):
+    if np.any(rows[:, at.ASKED_FLOW] != 0.0):
         faults.append("discharge_flow_lpm must be 0: order amplitudes are known at zero flow only")
     filled = []
     for name, factors in (("slipper_gaps", slipper_gaps), ("piston_clearances", piston_clearances)):
@@ -236,12 +229,12 @@ def _checked(
 
 
 @compiled
-def _coordinates(pump: Pump, row: Vector, gaps: Vector, clearances: Vector, u: Vector) -> None:
-    """Coordinates and vector sums of one row, into ``u``, shape (N_COORDINATES + 4,)."""
+def write_coordinates(pump: Pump, row: Vector, gaps: Vector, clearances: Vector, u: Vector) -> None:
+    """Coordinates and vector sums of one row, into ``u``, shape (N_FOUND,)."""
     piston, slipper, plate, fluid = pump.piston, pump.slipper, pump.port_plate, pump.fluid
     n = len(gaps)
-    T = row[1] + KELVIN_AT_0_DEGC
-    P_d = (_P_ZERO_FLOW + row[11]) * PA_PER_BAR + P_ATMOSPHERE
+    T = row[at.TEMPERATURE] + KELVIN_AT_0_DEGC
+    P_d = (_P_ZERO_FLOW + row[at.SETTING_CHANGE]) * PA_PER_BAR + P_ATMOSPHERE
     mu = gap_viscosity(fluid, T, P_d, _P_CASE)
     rho = density(fluid, T, P_ATMOSPHERE)
     G = land_conductance(mu, slipper.h, slipper.diameter_ratio)
@@ -249,8 +242,8 @@ def _coordinates(pump: Pump, row: Vector, gaps: Vector, clearances: Vector, u: V
     ring = annular_gap_flow(
         P_d, _P_CASE, mu, piston.d_p, piston.b, piston.l_mean, piston.e_rel * piston.b, 0.0
     )  # fmt: skip
-    ring *= row[5] * row[7] / M3_PER_S_PER_LPM
-    land = row[5] * row[6] / M3_PER_S_PER_LPM
+    ring *= row[at.PUMP_SCALE] * row[at.PISTON_SCALE] / M3_PER_S_PER_LPM
+    land = row[at.PUMP_SCALE] * row[at.SLIPPER_SCALE] / M3_PER_S_PER_LPM
     lands, rings = 0.0, 0.0
     lands_re, lands_im, rings_re, rings_im = 0.0, 0.0, 0.0, 0.0
     for k in range(n):
@@ -264,25 +257,35 @@ def _coordinates(pump: Pump, row: Vector, gaps: Vector, clearances: Vector, u: V
         rings += leak
         rings_re += leak * c
         rings_im += leak * s
-    u[0] = math.log(row[0] / 4600.0) / 0.08
-    u[1] = (row[1] - 62.0) / 42.0
-    u[2] = (row[2] + row[4] - STANDARD_ATMOSPHERE_BAR - 1.75) / 1.75
+    u[C_SPEED] = math.log(row[at.SPEED] / 4600.0) / 0.08
+    u[C_TEMPERATURE] = (row[at.TEMPERATURE] - 62.0) / 42.0
+    u[C_RESERVOIR] = (row[at.RESERVOIR] + row[at.AMBIENT] - STANDARD_ATMOSPHERE_BAR - 1.75) / 1.75
     # half of the chambers stand under pressure
-    u[3] = 0.5 * lands
-    u[4] = 0.5 * rings
-    u[5] = row[5] * row[8] * port_plate_gap_flow(P_d, _P_CASE, mu, plate.h, plate.shape) / M3_PER_S_PER_LPM
-    u[6] = row[9]
-    u[7] = row[10] / 6.0
-    u[8] = row[11] / 6.0
-    u[9] = math.log(row[12]) / 0.5
-    u[10] = math.log(max(row[15], 1.0e-3)) / 1.4
-    u[11] = row[16]
-    u[12] = row[17] / 60.0
-    u[13], u[14], u[15], u[16] = lands_re, lands_im, rings_re, rings_im
+    u[C_SLIPPERS] = 0.5 * lands
+    u[C_PISTONS] = 0.5 * rings
+    u[C_PORT_PLATE] = (
+        row[at.PUMP_SCALE]
+        * row[at.PORT_PLATE_SCALE]
+        * port_plate_gap_flow(P_d, _P_CASE, mu, plate.h, plate.shape)
+        / M3_PER_S_PER_LPM
+    )
+    u[C_BLEED] = row[at.CONTROL_BLEED]
+    u[C_SYSTEM] = row[at.SYSTEM_LEAKAGE] / 6.0
+    u[C_SETTING] = row[at.SETTING_CHANGE] / 6.0
+    u[C_DRAIN] = math.log(row[at.DRAIN_SCALE]) / 0.5
+    u[C_DROOP] = math.log(max(row[at.DROOP_SCALE], 1.0e-3)) / 1.4
+    u[C_THROTTLED] = row[at.THROTTLED_LEAKAGE]
+    u[C_EDGES] = row[at.EDGE_ROUNDING] / 60.0
+    u[SLIPPERS_REAL], u[SLIPPERS_IMAGINARY], u[PISTONS_REAL], u[PISTONS_IMAGINARY] = (
+        lands_re,
+        lands_im,
+        rings_re,
+        rings_im,
+    )
 
 
 @compiled
-def _terms(u: Vector, out: Vector) -> None:
+def write_terms(u: Vector, out: Vector) -> None:
     """Full quadratic in the coordinates, with the cubic terms of temperature, slipper and system leakage."""
     out[0] = 1.0
     k = 1
@@ -293,11 +296,11 @@ def _terms(u: Vector, out: Vector) -> None:
         for j in range(i, N_COORDINATES):
             out[k] = u[i] * u[j]
             k += 1
-    out[k] = u[1] ** 3
-    out[k + 1] = u[3] ** 3
-    out[k + 2] = u[1] ** 2 * u[3]
-    out[k + 3] = u[1] * u[3] ** 2
-    out[k + 4] = u[7] ** 3
+    out[k] = u[C_TEMPERATURE] ** 3
+    out[k + 1] = u[C_SLIPPERS] ** 3
+    out[k + 2] = u[C_TEMPERATURE] ** 2 * u[C_SLIPPERS]
+    out[k + 3] = u[C_TEMPERATURE] * u[C_SLIPPERS] ** 2
+    out[k + 4] = u[C_SYSTEM] ** 3
 
 
 @compiled
@@ -312,26 +315,29 @@ def _amplitudes(
     clearances: Matrix,
     out: NDArray[np.float64],
 ) -> None:
-    u, terms = np.empty(N_COORDINATES + 4), np.empty(N_TERMS)
+    u, terms = np.empty(N_FOUND), np.empty(N_TERMS)
     value = np.empty(coefficients.shape[0])
     for i in range(len(rows)):
-        _coordinates(pump, rows[i], gaps[i], clearances[i], u)
+        write_coordinates(pump, rows[i], gaps[i], clearances[i], u)
         for j in range(N_COORDINATES):
             u[j] = min(max(u[j], low[j]), high[j])
-        _terms(u, terms)
+        write_terms(u, terms)
         for s in range(len(value)):
             total = 0.0
             for j in range(N_TERMS):
                 total += coefficients[s, j] * terms[j]
             value[s] = total
-        uneven = math.hypot(u[13] + piston_share * u[15], u[14] + piston_share * u[16])
-        out[i, 0, 0] = math.exp(value[5]) * uneven
-        out[i, 0, 1] = math.exp(value[6]) * uneven
-        out[i, 0, 2] = math.exp(value[0])
-        out[i, 0, 3] = math.exp(value[7]) * uneven
-        out[i, 0, 4] = math.exp(value[1])
-        out[i, 1, 0] = math.exp(value[8]) * uneven
-        out[i, 1, 1] = math.exp(value[9]) * uneven
-        out[i, 1, 2] = math.hypot(value[3], value[4])
-        out[i, 1, 3] = math.exp(value[10]) * uneven
-        out[i, 1, 4] = math.exp(value[2])
+        uneven = math.hypot(
+            u[SLIPPERS_REAL] + piston_share * u[PISTONS_REAL],
+            u[SLIPPERS_IMAGINARY] + piston_share * u[PISTONS_IMAGINARY],
+        )
+        out[i, DISCHARGE, L_1] = math.exp(value[D_1]) * uneven
+        out[i, DISCHARGE, L_BELOW] = math.exp(value[D_BELOW]) * uneven
+        out[i, DISCHARGE, L_N] = math.exp(value[D_N])
+        out[i, DISCHARGE, L_ABOVE] = math.exp(value[D_ABOVE]) * uneven
+        out[i, DISCHARGE, L_2N] = math.exp(value[D_2N])
+        out[i, CASE, L_1] = math.exp(value[C_1]) * uneven
+        out[i, CASE, L_BELOW] = math.exp(value[C_BELOW]) * uneven
+        out[i, CASE, L_N] = math.hypot(value[C_N_REAL], value[C_N_IMAGINARY])
+        out[i, CASE, L_ABOVE] = math.exp(value[C_ABOVE]) * uneven
+        out[i, CASE, L_2N] = math.exp(value[C_2N])

@@ -21,6 +21,8 @@ def opening(plate: PortPlate, phi: float) -> float:
 
     ``phi`` is the chamber's angle past the dead centre at which the kidney begins [rad, any]; the area is
     periodic, continuous in value and slope, and 0 on the sealing lands.
+
+    Not called by the pump yet: its chambers keep their angle and ask for ``window``.
     """
     delayed = (phi - plate.phi_commutation) % (2.0 * math.pi)
     return window(plate, delayed) if delayed < math.pi else 0.0

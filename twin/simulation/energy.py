@@ -47,6 +47,7 @@ POWERS: tuple[str, ...] = (
     "system_leakage",
     "damping",
 )
+SHAFT, DISCHARGE, DRAIN, PORTS, SLIPPERS, PISTONS, PORT_PLATE, COMPENSATOR, SYSTEM, DAMPING = range(len(POWERS))
 """Powers of a balance [W]: the shaft's input, what leaves with the load and the drain, then the losses by name."""
 
 
@@ -63,19 +64,19 @@ def _powers(
     for k in range(n):
         P = y[N_SHARED + k]
         e = elastic_head(m, P)
-        out[0] -= (P - P_c) * ch[k, ROTATION]
-        out[3] += ch[k, G_D] * (P - P_d) * (e - e_d) + ch[k, G_S] * (P_s - P) * (e_s - e)
-        out[4] += ch[k, G_LAND] * (P - P_c) * (e - e_c)
-        out[5] += (ch[k, G_RING] * (P - P_c) + ch[k, DRAG]) * (e - e_c)
+        out[SHAFT] -= (P - P_c) * ch[k, ROTATION]
+        out[PORTS] += ch[k, G_D] * (P - P_d) * (e - e_d) + ch[k, G_S] * (P_s - P) * (e_s - e)
+        out[SLIPPERS] += ch[k, G_LAND] * (P - P_c) * (e - e_c)
+        out[PISTONS] += (ch[k, G_RING] * (P - P_c) + ch[k, DRAG]) * (e - e_c)
     q_load, q_sys = s.load * (P_d - P_i) + scene.Q_load, s.system * (P_d - P_s)
     P_down = P_i if circuit.shared > 0.5 else P_s
-    out[1] += q_load * (e_d - e_s)
-    out[2] += s.drain * (P_c - P_down) * (e_c - e_s)
-    out[6] += s.plate_d * (P_d - P_c) * (e_d - e_c) + s.plate_s * (P_s - P_c) * (e_s - e_c)
-    out[7] += s.e_in * (P_d - P_x) * (e_d - e_x) + (s.e_out * (P_x - P_c) + s.bleed) * (e_x - e_c)
-    out[7] += (s.rate_leak + s.throttled) * (P_d - P_c) * (e_d - e_c)
-    out[8] += q_sys * (e_d - e_s)
-    out[9] += s.F_spring_v * v * v - s.torque_rate * w * w
+    out[DISCHARGE] += q_load * (e_d - e_s)
+    out[DRAIN] += s.drain * (P_c - P_down) * (e_c - e_s)
+    out[PORT_PLATE] += s.plate_d * (P_d - P_c) * (e_d - e_c) + s.plate_s * (P_s - P_c) * (e_s - e_c)
+    out[COMPENSATOR] += s.e_in * (P_d - P_x) * (e_d - e_x) + (s.e_out * (P_x - P_c) + s.bleed) * (e_x - e_c)
+    out[COMPENSATOR] += (s.rate_leak + s.throttled) * (P_d - P_c) * (e_d - e_c)
+    out[SYSTEM] += q_sys * (e_d - e_s)
+    out[DAMPING] += s.F_spring_v * v * v - s.torque_rate * w * w
 
 
 @compiled

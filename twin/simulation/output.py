@@ -6,7 +6,10 @@ from numpy.typing import NDArray
 from twin.recording import TIME, Recording
 from twin.simulation.layout import (
     ALPHA,
+    END,
+    FIRST_MEAN,
     N_SHARED,
+    N_STATE_MEANS,
     OMEGA,
     P_C,
     P_CTRL,
@@ -18,6 +21,7 @@ from twin.simulation.layout import (
     Q_SLIPPER,
     Q_SUCTION,
     Q_SYSTEM,
+    TILT_MEAN,
     TORQUE,
     X,
 )
@@ -41,6 +45,7 @@ _FLOWS: dict[str, int] = {
     "system_leakage_lpm": Q_SYSTEM,
     "slipper_leakage_lpm": Q_SLIPPER,
 }
+_FIRST_FLOW = FIRST_MEAN + N_STATE_MEANS
 MEANS: tuple[str, ...] = (*_PRESSURES, "swashplate_angle_deg", *_FLOWS, "shaft_torque_nm")
 """Cycle means of a run; the torque is the hydraulic part."""
 
@@ -67,13 +72,13 @@ def recording_of(title: str, times: Vector, table: Matrix, at: Vector, samples: 
 
 
 def cycle_means(times: Vector, table: Matrix, rows: Matrix) -> dict[str, Vector]:
-    """Means of whole revolutions by the names of ``MEANS``, and ``end_s``; rows have shape (m, 1 + N_MEAN)."""
-    ambient = _column("ambient_pressure_bar", times, table, rows[:, 0])
-    means: dict[str, Vector] = {"end_s": rows[:, 0].copy()}
+    """Means of whole revolutions by the names of ``MEANS``, and ``end_s``; rows have shape (m, FIRST_MEAN + N_MEAN)."""
+    ambient = _column("ambient_pressure_bar", times, table, rows[:, END])
+    means: dict[str, Vector] = {"end_s": rows[:, END].copy()}
     for j, name in enumerate(_PRESSURES):
-        means[name] = rows[:, 1 + j] / PA_PER_BAR - ambient
-    means["swashplate_angle_deg"] = rows[:, 5] / RAD_PER_DEG
+        means[name] = rows[:, FIRST_MEAN + j] / PA_PER_BAR - ambient
+    means["swashplate_angle_deg"] = rows[:, FIRST_MEAN + TILT_MEAN] / RAD_PER_DEG
     for name, j in _FLOWS.items():
-        means[name] = rows[:, 6 + j] / M3_PER_S_PER_LPM
-    means["shaft_torque_nm"] = rows[:, 6 + TORQUE].copy()
+        means[name] = rows[:, _FIRST_FLOW + j] / M3_PER_S_PER_LPM
+    means["shaft_torque_nm"] = rows[:, _FIRST_FLOW + TORQUE].copy()
     return means

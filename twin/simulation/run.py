@@ -10,12 +10,35 @@ from typing import TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import columns as at
 from twin.condition import Condition, Health
 from twin.parameters import Circuit, Pump
 from twin.parts.geometry import geometry_faults
 from twin.recording import Recording
-from twin.simulation.layout import ALPHA, N_SHARED, P_C, P_D, THETA, state_name
-from twin.simulation.loop import CAVITATED, DIVERGED, N_MEAN, N_SAMPLE, RUNNING, STEP_TOO_SHORT, run_loop, workspace
+from twin.simulation.averages import ANGLE, BEGUN, ENDED, N_REVOLUTION, REJECTED, STOPPED_AT, TAKEN, Account
+from twin.simulation.layout import (
+    ALPHA,
+    FIRST_MEAN,
+    N_MEAN,
+    N_SHARED,
+    N_STATE_MEANS,
+    N_VOLUMES,
+    P_C,
+    P_D,
+    THETA,
+    state_name,
+)
+from twin.simulation.loop import (
+    CAVITATED,
+    DIVERGED,
+    N_SAMPLE,
+    RUNNING,
+    STEP_TOO_SHORT,
+    Inputs,
+    Pace,
+    run_loop,
+    workspace,
+)
 from twin.simulation.output import MEANS, cycle_means, recording_of
 from twin.simulation.scenario import STEP_RANGE_S, Scenario, Value
 from twin.simulation.start import starting_state
@@ -205,30 +228,29 @@ def pieces(
     total = max(1, round(scenario.duration_s / interval))
     per_piece = max(1, round(piece_s / interval))
     ws = workspace(n, len(y))
-    revolution = np.zeros(3 + 2 * N_MEAN)
-    revolution[1] = y[THETA]
-    revolution[3 + N_MEAN : 8 + N_MEAN] = [*y[:4], y[ALPHA]]
+    revolution = np.zeros(N_REVOLUTION)
+    revolution[ANGLE] = y[THETA]
+    revolution[BEGUN : BEGUN + N_STATE_MEANS] = [*y[:N_VOLUMES], y[ALPHA]]
     counts = np.zeros(3, dtype=np.int64)
-    fastest = table[:, 0].max() * RAD_PER_S_PER_RPM * 1.2
+    fastest = table[:, at.SPEED].max() * RAD_PER_S_PER_RPM * 1.2
     for first in range(0, total, per_piece):
         m = min(per_piece, total - first)
         samples = np.empty((m, N_SAMPLE))
         keep = np.empty((m if keep_states else 0, len(y)))
-        means = np.empty((math.ceil(m * interval * fastest / (2 * math.pi)) + 2, 1 + N_MEAN))
-        counts[0] = 0
+        means = np.empty((math.ceil(m * interval * fastest / (2 * math.pi)) + 2, FIRST_MEAN + N_MEAN))
+        counts[ENDED] = 0
         samples[:, 0] = np.nan
-        code = run_loop(
-            pump, circuit, times, table, y, n, first * interval, dt, m, substeps, extrapolate, adaptive, T_start,
-            keep, samples, revolution, means, counts, ws,
-        )  # fmt: skip
+        pace = Pace(first * interval, dt, m, substeps, extrapolate, adaptive, T_start)
+        account = Account(keep, samples, revolution, means, counts)
+        code = run_loop(pump, circuit, Inputs(times, table), y, pace, account, ws)
         done = m if code == RUNNING else int(np.flatnonzero(np.isnan(samples[:, 0]))[0])
         instants = interval * np.arange(first + 1, first + done + 1, dtype=np.float64)
-        ended = instants[-1] if code == RUNNING else float(revolution[0])
+        ended = instants[-1] if code == RUNNING else float(revolution[STOPPED_AT])
         worst = "" if code == RUNNING else _worst(y, n)
         yield Run(
             recording_of(scenario.title, times, table, instants, samples[:done]),
-            cycle_means(times, table, means[: min(int(counts[0]), len(means))]),
-            Status(code, float(ended), worst, int(counts[1]), int(counts[2])),
+            cycle_means(times, table, means[: min(int(counts[ENDED]), len(means))]),
+            Status(code, float(ended), worst, int(counts[TAKEN]), int(counts[REJECTED])),
             keep[:done],
         )
         if code != RUNNING:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import columns as at
 from twin.compiled import compiled
 from twin.condition import INPUTS
 from twin.laws.compressibility import Medium, medium_of
@@ -34,7 +35,7 @@ TRANSIENT_INPUTS: tuple[str, ...] = (
 (1 / sqrt(k_d) of equation 3-2), friction of a jammed spool (2-24), friction of the plate's bearings."""
 SCENE_INPUTS: tuple[str, ...] = INPUTS + TRANSIENT_INPUTS
 N_SCENE = len(SCENE_INPUTS)
-_LOAD, _JAM, _PLATE = range(len(INPUTS), N_SCENE)
+LOAD_OPENING, SPOOL_JAMMING, PLATE_FRICTION = range(len(INPUTS), N_SCENE)
 
 
 class Scene(NamedTuple):
@@ -82,39 +83,41 @@ class Scene(NamedTuple):
 @compiled
 def scene_of(pump: Pump, circuit: Circuit, row: Vector) -> Scene:
     """Scene of one row of inputs in the order of ``SCENE_INPUTS`` (edge units), shape (>= N_SCENE,)."""
-    T = row[1] + KELVIN_AT_0_DEGC
+    T = row[at.TEMPERATURE] + KELVIN_AT_0_DEGC
     fluid, comp, piston, slipper = pump.fluid, pump.compensator, pump.piston, pump.slipper
-    preload = comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[11] * PA_PER_BAR * comp.A_spool
+    preload = (
+        comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[at.SETTING_CHANGE] * PA_PER_BAR * comp.A_spool
+    )
     rho = density(fluid, T, P_ATMOSPHERE)
     warmer = T - circuit.T_ref
     return Scene(
-        omega=row[0] * RAD_PER_S_PER_RPM,
-        P_s=(row[2] + row[4]) * PA_PER_BAR,
-        P_amb=row[4] * PA_PER_BAR,
-        load=row[_LOAD] * M3_PER_S_PER_LPM / math.sqrt(PA_PER_BAR),
-        Q_load=row[3] * M3_PER_S_PER_LPM,
-        Q_sys=row[10] * M3_PER_S_PER_LPM,
+        omega=row[at.SPEED] * RAD_PER_S_PER_RPM,
+        P_s=(row[at.RESERVOIR] + row[at.AMBIENT]) * PA_PER_BAR,
+        P_amb=row[at.AMBIENT] * PA_PER_BAR,
+        load=row[LOAD_OPENING] * M3_PER_S_PER_LPM / math.sqrt(PA_PER_BAR),
+        Q_load=row[at.ASKED_FLOW] * M3_PER_S_PER_LPM,
+        Q_sys=row[at.SYSTEM_LEAKAGE] * M3_PER_S_PER_LPM,
         rho=rho,
         nu=kinematic_viscosity(fluid, T),
         medium=medium_of(fluid, T),
         film=film_of(fluid, T),
         T=T,
-        k_c=circuit.k_c * (1.0 + circuit.k_c_slope * warmer) * row[12],
-        w_nu=circuit.w_nu + row[13],
-        w_Q=circuit.w_Q + row[14],
+        k_c=circuit.k_c * (1.0 + circuit.k_c_slope * warmer) * row[at.DRAIN_SCALE],
+        w_nu=circuit.w_nu + row[at.DRAIN_VISCOSITY_CHANGE],
+        w_Q=circuit.w_Q + row[at.DRAIN_FLOW_CHANGE],
         Q_ref=circuit.Q_ref,
         k_inf=circuit.k_inf * (1.0 + circuit.k_inf_slope * warmer),
         K=circuit.K * (1.0 + circuit.K_slope * warmer),
-        preload=preload + comp.k_spool * comp.x_zero * (1.0 - row[15]),
-        k_valve=comp.k_spool * row[15],
-        piston_scale=row[5] * row[7],
-        slipper_scale=row[5] * row[6],
-        plate_scale=row[5] * row[8],
-        bleed=row[9] * M3_PER_S_PER_LPM,
-        throttled=row[16] * M3_PER_S_PER_LPM,
-        edge=edge_of(comp, row[17] * 1.0e-6),
-        jam=row[_JAM],
-        plate_friction=row[_PLATE],
+        preload=preload + comp.k_spool * comp.x_zero * (1.0 - row[at.DROOP_SCALE]),
+        k_valve=comp.k_spool * row[at.DROOP_SCALE],
+        piston_scale=row[at.PUMP_SCALE] * row[at.PISTON_SCALE],
+        slipper_scale=row[at.PUMP_SCALE] * row[at.SLIPPER_SCALE],
+        plate_scale=row[at.PUMP_SCALE] * row[at.PORT_PLATE_SCALE],
+        bleed=row[at.CONTROL_BLEED] * M3_PER_S_PER_LPM,
+        throttled=row[at.THROTTLED_LEAKAGE] * M3_PER_S_PER_LPM,
+        edge=edge_of(comp, row[at.EDGE_ROUNDING] * 1.0e-6),
+        jam=row[SPOOL_JAMMING],
+        plate_friction=row[PLATE_FRICTION],
         mu_ratio=dynamic_viscosity(fluid, T, P_ATMOSPHERE) / dynamic_viscosity(fluid, T_50, P_ATMOSPHERE),
         omega_ratio=1.0 / OMEGA_REF,
         ring=math.pi * piston.d_p * piston.b**3 / 12.0 * (1.0 + 1.5 * piston.e_rel**2),

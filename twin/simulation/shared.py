@@ -35,6 +35,8 @@ from twin.simulation.layout import (
     P_CTRL,
     P_D,
     P_I,
+    SPOOL_SPEED,
+    TILT_RATE,
     V_RATE,
     V_SPOOL,
     V_STROKE,
@@ -213,55 +215,55 @@ def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, d
     C_x = relative_compressibility(m, P_ctrl) * volumes.control / dt
     G_dc = s.plate_d + s.throttled + s.rate_leak
     # discharge
-    A[0, 0] = C_d + s.load + s.system + s.e_in + G_dc
-    A[0, 1] = -G_dc
-    A[0, 2] = -s.load
-    A[0, 3] = -s.e_in
-    A[0, 4] = s.e_in_x * dt
-    b[0] = C_d * P_d - scene.Q_load + s.system * P_s
+    A[P_D, P_D] = C_d + s.load + s.system + s.e_in + G_dc
+    A[P_D, P_C] = -G_dc
+    A[P_D, P_I] = -s.load
+    A[P_D, P_CTRL] = -s.e_in
+    A[P_D, SPOOL_SPEED] = s.e_in_x * dt
+    b[P_D] = C_d * P_d - scene.Q_load + s.system * P_s
     # case; a separate drain ends in the reservoir
-    A[1, 0] = -G_dc
-    A[1, 1] = C_c + G_dc + s.plate_s + s.e_out + s.drain
-    A[1, 2] = -s.drain * shared
-    A[1, 3] = -s.e_out
-    A[1, 4] = -s.e_out_x * dt
-    b[1] = C_c * P_c + s.plate_s * P_s + s.bleed + s.drain * (1.0 - shared) * P_s
+    A[P_C, P_D] = -G_dc
+    A[P_C, P_C] = C_c + G_dc + s.plate_s + s.e_out + s.drain
+    A[P_C, P_I] = -s.drain * shared
+    A[P_C, P_CTRL] = -s.e_out
+    A[P_C, SPOOL_SPEED] = -s.e_out_x * dt
+    b[P_C] = C_c * P_c + s.plate_s * P_s + s.bleed + s.drain * (1.0 - shared) * P_s
     # return junction
-    A[2, 0] = -s.load - s.system
-    A[2, 1] = -s.drain * shared
-    A[2, 2] = C_i + s.load + s.ret + s.drain * shared
-    b[2] = C_i * P_i + scene.Q_load - s.system * P_s + s.ret * P_s
+    A[P_I, P_D] = -s.load - s.system
+    A[P_I, P_C] = -s.drain * shared
+    A[P_I, P_I] = C_i + s.load + s.ret + s.drain * shared
+    b[P_I] = C_i * P_i + scene.Q_load - s.system * P_s + s.ret * P_s
     # control volume
-    A[3, 0] = -s.e_in
-    A[3, 1] = -s.e_out
-    A[3, 3] = C_x + s.e_in + s.e_out
-    A[3, 4] = -(s.e_in_x - s.e_out_x) * dt
-    b[3] = C_x * P_ctrl - s.bleed
+    A[P_CTRL, P_D] = -s.e_in
+    A[P_CTRL, P_C] = -s.e_out
+    A[P_CTRL, P_CTRL] = C_x + s.e_in + s.e_out
+    A[P_CTRL, SPOOL_SPEED] = -(s.e_in_x - s.e_out_x) * dt
+    b[P_CTRL] = C_x * P_ctrl - s.bleed
     # spool
-    A[4, 0] = -comp.A_spool
-    A[4, 1] = comp.A_spool
-    A[4, 4] = comp.m_spool / dt + s.F_spring_x * dt + s.F_spring_v
-    b[4] = comp.m_spool / dt * y[V_SPOOL] - s.F_spring
+    A[SPOOL_SPEED, P_D] = -comp.A_spool
+    A[SPOOL_SPEED, P_C] = comp.A_spool
+    A[SPOOL_SPEED, SPOOL_SPEED] = comp.m_spool / dt + s.F_spring_x * dt + s.F_spring_v
+    b[SPOOL_SPEED] = comp.m_spool / dt * y[V_SPOOL] - s.F_spring
     if s.F_friction_v > 0.0:
-        inertia, drive = A[4, 4] - s.F_friction_v, b[4] + comp.A_spool * (P_d - P_c)
+        inertia, drive = A[SPOOL_SPEED, SPOOL_SPEED] - s.F_friction_v, b[SPOOL_SPEED] + comp.A_spool * (P_d - P_c)
         coulomb, static = comp.F_coulomb + scene.jam, comp.F_static + scene.jam
-        A[4, 4] = inertia + friction_damping_ahead(coulomb, static, comp.v_friction, drive, inertia)
+        A[SPOOL_SPEED, SPOOL_SPEED] = inertia + friction_damping_ahead(coulomb, static, comp.v_friction, drive, inertia)
     # plate
-    A[5, 5] = s.J / dt - s.torque_rate - s.torque_alpha * dt
-    b[5] = s.J / dt * y[ALPHA_DOT] + s.torque
+    A[TILT_RATE, TILT_RATE] = s.J / dt - s.torque_rate - s.torque_alpha * dt
+    b[TILT_RATE] = s.J / dt * y[ALPHA_DOT] + s.torque
     if pump.servo.contact > 0.5:
         _assemble_servos(pump, s, y, dt, A, b)
         return
     # carried pistons: the control volume grows as the tilt falls, the case as it rises
-    A[1, 5] += s.arm - s.arm_rate
-    A[3, 5] -= s.arm
+    A[P_C, TILT_RATE] += s.arm - s.arm_rate
+    A[P_CTRL, TILT_RATE] -= s.arm
     # the plate on the control volume is an oscillator that a wholly implicit step damps: pushing it by the mean of old
     # and new control pressure halves that and stays stable at any step
-    A[5, 3] += 0.5 * s.arm
-    b[5] -= 0.5 * s.arm * P_ctrl
-    A[5, 1] -= s.arm - s.arm_rate
-    A[0, 5] += s.arm_rate
-    A[5, 0] -= s.arm_rate
+    A[TILT_RATE, P_CTRL] += 0.5 * s.arm
+    b[TILT_RATE] -= 0.5 * s.arm * P_ctrl
+    A[TILT_RATE, P_C] -= s.arm - s.arm_rate
+    A[P_D, TILT_RATE] += s.arm_rate
+    A[TILT_RATE, P_D] -= s.arm_rate
 
 
 @compiled
@@ -280,34 +282,34 @@ def _assemble_servos(pump: Pump, s: Shared, y: Vector, dt: float, A: Matrix, b: 
     a_p *= area
     a_w = -share * reach
     # speed times area leaves the control volume and enters the case
-    A[3, 3] += area * a_p
-    A[3, 1] -= area * a_p
-    A[3, 5] += area * a_w
-    b[3] -= area * a_0
-    A[1, 3] -= area * a_p
-    A[1, 1] += area * a_p
-    A[1, 5] -= area * a_w
-    b[1] += area * a_0
+    A[P_CTRL, P_CTRL] += area * a_p
+    A[P_CTRL, P_C] -= area * a_p
+    A[P_CTRL, TILT_RATE] += area * a_w
+    b[P_CTRL] -= area * a_0
+    A[P_C, P_CTRL] -= area * a_p
+    A[P_C, P_C] += area * a_p
+    A[P_C, TILT_RATE] -= area * a_w
+    b[P_C] += area * a_0
     # contact force pushes the tilt down
-    A[5, 3] += reach * K * a_p
-    A[5, 1] -= reach * K * a_p
-    A[5, 5] += reach * K * (a_w + reach)
-    b[5] -= reach * (s.stroke.elastic + K * a_0)
+    A[TILT_RATE, P_CTRL] += reach * K * a_p
+    A[TILT_RATE, P_C] -= reach * K * a_p
+    A[TILT_RATE, TILT_RATE] += reach * K * (a_w + reach)
+    b[TILT_RATE] -= reach * (s.stroke.elastic + K * a_0)
 
     a_0, a_p, share = servo_speed(s.rate, y[V_RATE], servo.m_rate, dt)
     K, reach, area = s.rate.stiffness * dt + s.rate.contact, s.rate.reach, servo.A_rate * servo.rate_fed
     a_p *= area
     a_w = share * reach
-    A[0, 0] += area * a_p
-    A[0, 1] -= area * a_p
-    A[0, 5] += area * a_w
-    b[0] -= area * a_0
-    A[1, 0] -= area * a_p
-    A[1, 1] += area * a_p
-    A[1, 5] -= area * a_w
-    b[1] += area * a_0
+    A[P_D, P_D] += area * a_p
+    A[P_D, P_C] -= area * a_p
+    A[P_D, TILT_RATE] += area * a_w
+    b[P_D] -= area * a_0
+    A[P_C, P_D] -= area * a_p
+    A[P_C, P_C] += area * a_p
+    A[P_C, TILT_RATE] -= area * a_w
+    b[P_C] += area * a_0
     # contact force pushes the tilt up
-    A[5, 0] -= reach * K * a_p
-    A[5, 1] += reach * K * a_p
-    A[5, 5] += reach * K * (reach - a_w)
-    b[5] += reach * (s.rate.elastic + K * a_0)
+    A[TILT_RATE, P_D] -= reach * K * a_p
+    A[TILT_RATE, P_C] += reach * K * a_p
+    A[TILT_RATE, TILT_RATE] += reach * K * (reach - a_w)
+    b[TILT_RATE] += reach * (s.rate.elastic + K * a_0)

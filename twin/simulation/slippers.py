@@ -6,31 +6,29 @@ A slipper that slams down, strikes the retainer or changes its kidney takes subs
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.laws.compressibility import pressure, relative_compressibility, relative_density
-from twin.laws.fluid import film_viscosity
-from twin.laws.friction import gap_drag
-from twin.laws.orifice import smooth_orifice_conductance
-from twin.parameters import Piston, Pump
-from twin.parts.servo import contact_damping
-from twin.parts.slipper import contact, lever
-from twin.simulation.chambers import port
+from twin.parameters import Pump
+from twin.parts.slipper import lever
+from twin.simulation.filling import port
+from twin.simulation.film import Motion, Stance, film, lifted_volume
 from twin.simulation.layout import (
     ALPHA,
     ALPHA_DOT,
-    CAPACITY,
+    BY_C,
+    BY_D,
+    BY_W,
     COS,
     DENSITY,
     FIRST_SCRATCH,
-    G_D,
-    G_S,
     MASS,
     N_SHARED,
+    OF_PISTON,
+    OF_SLIPPER,
     OMEGA,
     P_C,
     P_D,
@@ -40,6 +38,7 @@ from twin.simulation.layout import (
     SIN,
     SUBSTEPS,
     THETA,
+    TILT_RATE,
     TORQUE,
 )
 from twin.simulation.scene import Scene
@@ -53,7 +52,6 @@ Matrix = NDArray[np.float64]
 """Affine results of a step: ends of chamber pressure, speed, pocket pressure, gap; means of the flows to discharge, from
 suction, through throttle, ring and land, of the gap's rate, the piston's speed, the push on the plate, its power."""
 _COS_NEW = FIRST_SCRATCH + 52
-_DP_LAMINAR = 1.0e3
 _FINE_STEP, _FINEST_STEP = 1.0e-6, 0.25e-6
 """Substeps of a slipper that is busy, and of one that slams down on the plate within some tens of microseconds [s]."""
 _BUSY_OPENING = 0.35
@@ -63,70 +61,6 @@ _QUIET_SHARE, _SLAM_SHARE, _BLOW_SHARE = 0.02, 0.2, 0.1
 _NEAR, _AT_REST, _THIN = 0.5e-6, 0.05e-6, 5.0e-6
 """Distance from plate or retainer at which contact is near, travel in a step of a slipper that rests there, and gap below
 which the film holds a slipper whatever strikes it [m]."""
-
-
-class Film(NamedTuple):
-    """Passages and forces of one slipper and its piston: conductances [m3/s/Pa], drag flow [m3/s], torque arm [m],
-    elastic contact force [N] and stiffness [N/m], damping by the gap's rate and by the piston's speed [N s/m].
-    """
-
-    land: float
-    throttle: float
-    ring: float
-    drag: float
-    arm: float
-    elastic: float
-    stiffness: float
-    damping: float
-    held: float
-
-
-@compiled
-def lifted_volume(piston: Piston, t_max: float, t: float, cos_phi: float, h: float) -> float:
-    """Volume of a chamber whose slipper stands h off the plate [m3]."""
-    A = 0.25 * math.pi * piston.d_p**2
-    return piston.V_dead + A * (piston.R * (t_max + t * cos_phi) - h * math.sqrt(1.0 + t * t))
-
-
-@compiled
-def film(
-    pump: Pump,
-    scene: Scene,
-    b: float,
-    wear: float,
-    t: float,
-    cos_alpha: float,
-    c: float,
-    P: float,
-    P_p: float,
-    P_c: float,
-    h: float,
-    u: float,
-    h_dot: float,
-) -> Film:
-    """Passages and forces of a slipper at gap h; ``b`` and ``wear`` are factors on the piston's and the land's gap.
-
-    Wear of the land widens the gap through which it leaks; a land in contact still leaks through its roughness.
-    """
-    piston, slipper = pump.piston, pump.slipper
-    mu = film_viscosity(scene.film, P, P_c)
-    mu_p = film_viscosity(scene.film, P_p, P_c)
-    height = max(h, slipper.h_min) + (wear - 1.0) * slipper.h
-    area = slipper.C_q * 0.25 * math.pi * slipper.d_throttle**2
-    length = piston.l_mean - piston.R * t * c
-    elastic, stiffness = contact(slipper, h)
-    damping = contact_damping(abs(elastic), h_dot, slipper.d_contact) + scene.squeeze * mu_p / height**3
-    return Film(
-        land=scene.slipper_scale * scene.land * height**3 / mu_p,
-        throttle=smooth_orifice_conductance(P - P_p, area, scene.rho, _DP_LAMINAR),
-        ring=scene.piston_scale * scene.ring * b**3 / (mu * length),
-        drag=-scene.ring_drag * b * u,
-        arm=lever(piston, h, cos_alpha, t, c),
-        elastic=elastic,
-        stiffness=stiffness,
-        damping=damping,
-        held=slipper.damping + gap_drag(mu, piston.d_p, piston.b * b, piston.e_rel, length),
-    )
 
 
 @compiled
@@ -173,20 +107,20 @@ def eliminate_lifted(
         row = ch[k]
         volume = lifted_volume(piston, scene.t_max, t, row[COS], y[N_SHARED + 2 * n + k])
         row[MASS] = row[DENSITY] * volume
-        _glide(pump, scene, y, n, k, dt, clearances[k, 0], clearances[k, 1], t, row)
+        _glide(pump, scene, y, n, k, dt, clearances[k, OF_PISTON], clearances[k, OF_SLIPPER], t, row)
         for j in range(4):
             into_d = row[_TO_D + j]
             into_c = row[_LAND + j] + row[_RING + j] + S_back * row[_LIFT + j] - A_p * row[_SPEED + j]
             torque = row[_PUSH + j]
             if j == 0:
-                b[0] += into_d
-                b[1] += into_c
-                b[5] += torque
+                b[P_D] += into_d
+                b[P_C] += into_c
+                b[TILT_RATE] += torque
             else:
-                column = 0 if j == 1 else (1 if j == 2 else 5)
-                A[0, column] -= into_d
-                A[1, column] -= into_c
-                A[5, column] -= torque
+                column = P_D if j == BY_D else (P_C if j == BY_C else TILT_RATE)
+                A[P_D, column] -= into_d
+                A[P_C, column] -= into_c
+                A[TILT_RATE, column] -= torque
 
 
 @compiled
@@ -229,9 +163,8 @@ def _glide(
         # rate of the gap by rotation alone
         r = cos_alpha * piston.R * t * (c_new - c) / step
         arm_old = lever(piston, h, cos_alpha, t, middle)
-        f = film(
-            pump, scene, clearance, wear, t, cos_alpha, middle, P, P_p, P_c, h, u, cos_alpha * u + r + arm_old * w_old
-        )
+        stance = Stance(clearance, wear, t, cos_alpha, middle)
+        f = film(pump, scene, stance, Motion(P, P_p, P_c, h, u, cos_alpha * u + r + arm_old * w_old))
         G_d, G_s = port(plate, delayed, P, P_d, scene.P_s, scene.rho)
         delayed += turn
         density = relative_density(medium, P)
@@ -260,10 +193,10 @@ def _glide(
                 force += f.elastic + f.stiffness * h
                 r_2 += cos_alpha * (extra * scene.P_amb - K_t * r)
                 lift = r
-            elif j == 1:
+            elif j == BY_D:
                 r_1 += G_d
                 d_j = 1.0
-            elif j == 2:
+            elif j == BY_C:
                 q += f.land
                 r_1 += f.ring
                 r_2 += A_p - cos_alpha * (S + extra)
@@ -294,16 +227,16 @@ def _glide(
         row[_FROM_S] += per * G_s * scene.P_s
         row[_RING] += per * f.drag
         c = c_new
-        P = row[_P] + row[_P + 1] * P_d + row[_P + 2] * P_c + row[_P + 3] * w_old
-        P_p = row[_Q] + row[_Q + 1] * P_d + row[_Q + 2] * P_c + row[_Q + 3] * w_old
-        h = row[_H] + row[_H + 1] * P_d + row[_H + 2] * P_c + row[_H + 3] * w_old
-        u = row[_U] + row[_U + 1] * P_d + row[_U + 2] * P_c + row[_U + 3] * w_old
+        P = row[_P] + row[_P + BY_D] * P_d + row[_P + BY_C] * P_c + row[_P + BY_W] * w_old
+        P_p = row[_Q] + row[_Q + BY_D] * P_d + row[_Q + BY_C] * P_c + row[_Q + BY_W] * w_old
+        h = row[_H] + row[_H + BY_D] * P_d + row[_H + BY_C] * P_c + row[_H + BY_W] * w_old
+        u = row[_U] + row[_U + BY_D] * P_d + row[_U + BY_C] * P_c + row[_U + BY_W] * w_old
     row[_COS_NEW] = c
 
 
 @compiled
 def _at(row: Vector, first: int, P_d: float, P_c: float, w: float) -> float:
-    return float(row[first] + row[first + 1] * P_d + row[first + 2] * P_c + row[first + 3] * w)
+    return float(row[first] + row[first + BY_D] * P_d + row[first + BY_C] * P_c + row[first + BY_W] * w)
 
 
 @compiled
@@ -312,7 +245,7 @@ def update_lifted(
 ) -> tuple[float, float]:
     """New pressures, gaps and speeds; returns flow to discharge and into the case [m3/s]."""
     piston, slipper = pump.piston, pump.slipper
-    P_d, P_c, w_new = b[0], b[1], b[5]
+    P_d, P_c, w_new = b[P_D], b[P_C], b[TILT_RATE]
     A_p = 0.25 * math.pi * piston.d_p**2
     S_back = scene.S_eq + (1.0 - slipper.pumped_repair) * (scene.A_outer - scene.S_eq)
     t = math.tan(y[ALPHA])
@@ -343,39 +276,3 @@ def update_lifted(
         power += _at(row, _WORK, P_d, P_c, w_new)
     flows[Q_SUCTION], flows[TORQUE], flows[Q_SLIPPER] = drawn, power / y[OMEGA], slipped
     return to_discharge, leaked
-
-
-@compiled
-def lifted_rates(
-    pump: Pump, scene: Scene, y: Vector, n: int, clearances: Matrix, ch: Matrix, dy: Vector
-) -> tuple[float, float, float]:
-    """Rates of pressures, gaps and speeds into ``dy``; returns flow to discharge, into the case, torque on the plate."""
-    piston, slipper = pump.piston, pump.slipper
-    A_p = 0.25 * math.pi * piston.d_p**2
-    S, extra = scene.S_eq, (1.0 - slipper.pumped_repair) * (scene.A_outer - scene.S_eq)
-    P_d, P_c, omega, w = y[P_D], y[P_C], y[OMEGA], y[ALPHA_DOT]
-    t = math.tan(y[ALPHA])
-    cos_alpha = 1.0 / math.sqrt(1.0 + t * t)
-    to_discharge = leaked = torque = 0.0
-    for k in range(n):
-        i = N_SHARED + k
-        P, P_p, h, u = y[i], y[i + n], y[i + 2 * n], y[i + 3 * n]
-        c = ch[k, COS]
-        arm = lever(piston, h, cos_alpha, t, c)
-        h_dot = cos_alpha * (u - piston.R * t * ch[k, SIN] * omega) + arm * w
-        f = film(pump, scene, clearances[k, 0], clearances[k, 1], t, cos_alpha, c, P, P_p, P_c, h, u, h_dot)
-        q_d, q_t = ch[k, G_D] * (P - P_d), f.throttle * (P - P_p)
-        q_r, q_h = f.ring * (P - P_c) + f.drag, f.land * (P_p - P_c)
-        force = f.elastic - f.damping * h_dot
-        stored = ch[k, CAPACITY] * lifted_volume(piston, scene.t_max, t, c, h)
-        dy[i] = (ch[k, G_S] * (scene.P_s - P) - q_d - q_t - q_r + ch[k, DENSITY] * A_p * u) / stored
-        w_p = relative_density(scene.medium, P_p)
-        pocket = relative_compressibility(scene.medium, P_p) * (slipper.V_pocket + S * h)
-        dy[i + n] = (q_t - q_h - w_p * S * h_dot) / pocket
-        dy[i + 2 * n] = h_dot
-        push = cos_alpha * (S * (P_p - P_c) - extra * (P_c - scene.P_amb) + force)
-        dy[i + 3 * n] = (push - A_p * (P - P_c) - f.held * u) / piston.m
-        to_discharge += q_d
-        leaked += q_h + q_r + (S + extra) * h_dot - A_p * u
-        torque += arm * (S * (P_p - P_c) + force)
-    return to_discharge, leaked, torque

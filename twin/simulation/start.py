@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from twin import columns as at
 from twin.condition import INPUTS, OUTPUTS
 from twin.laws.fluid import P_ATMOSPHERE
-from twin.operating_point.equations import N_UNKNOWNS
+from twin.operating_point.equations import N_UNKNOWNS, U_SPOOL, U_TILT
 from twin.operating_point.solver import WORK_ROWS, solve_cold
 from twin.parameters import Circuit, Pump
 from twin.simulation.layout import (
@@ -21,11 +22,10 @@ from twin.simulation.layout import (
     X,
     n_states,
 )
-from twin.simulation.scene import N_SCENE, TRANSIENT_INPUTS
+from twin.simulation.scene import LOAD_OPENING, N_SCENE
 from twin.units import PA_PER_BAR, RAD_PER_S_PER_RPM
 
 Vector = NDArray[np.float64]
-_LOAD = len(INPUTS) + TRANSIENT_INPUTS.index("load_conductance_lpm_per_sqrt_bar")
 
 
 def load_coefficient(conductance: float) -> float:
@@ -36,9 +36,9 @@ def load_coefficient(conductance: float) -> float:
 def steady_inputs(inputs: Vector, n: int) -> tuple[Vector, float]:
     """Row of the operating point, shape (len(INPUTS),), and its k_d: uneven gaps enter by their mean leakage."""
     row = inputs[: len(INPUTS)].copy()
-    row[INPUTS.index("piston_leakage_scale")] *= np.mean(inputs[N_SCENE : N_SCENE + n] ** 3)
-    row[INPUTS.index("slipper_leakage_scale")] *= np.mean(inputs[N_SCENE + n :] ** 3)
-    return row, load_coefficient(float(inputs[_LOAD]))
+    row[at.PISTON_SCALE] *= np.mean(inputs[N_SCENE : N_SCENE + n] ** 3)
+    row[at.SLIPPER_SCALE] *= np.mean(inputs[N_SCENE + n :] ** 3)
+    return row, load_coefficient(float(inputs[LOAD_OPENING]))
 
 
 def starting_state(pump: Pump, circuit: Circuit, inputs: Vector) -> tuple[Vector, float]:
@@ -59,14 +59,15 @@ def starting_state(pump: Pump, circuit: Circuit, inputs: Vector) -> tuple[Vector
     u, Y, work = np.empty(N_UNKNOWNS), np.empty(len(OUTPUTS)), np.empty((WORK_ROWS, N_UNKNOWNS))
     if not solve_cold(pump, circuit, row, k_d, u, Y, work):
         raise ValueError("no operating point to start from: ask for less flow or a healthier pump")
-    ambient = row[4] * PA_PER_BAR
-    P_s = row[2] * PA_PER_BAR + ambient
-    alpha = min(float(u[2]), pump.swashplate.alpha_max)
-    t, omega = np.tan(alpha), row[0] * RAD_PER_S_PER_RPM
+    ambient = row[at.AMBIENT] * PA_PER_BAR
+    P_s = row[at.RESERVOIR] * PA_PER_BAR + ambient
+    alpha = min(float(u[U_TILT]), pump.swashplate.alpha_max)
+    t, omega = np.tan(alpha), row[at.SPEED] * RAD_PER_S_PER_RPM
     variable = pump.slipper.variable > 0.5
     y = np.zeros(n_states(n, variable))
-    y[[P_D, P_C, P_I, P_CTRL]] = Y[:4] * PA_PER_BAR + ambient
-    y[X], y[ALPHA], y[OMEGA] = u[3], alpha, omega
+    pressures = [at.DISCHARGE_PRESSURE, at.CASE_PRESSURE, at.RETURN_PRESSURE, at.CONTROL_PRESSURE]
+    y[[P_D, P_C, P_I, P_CTRL]] = Y[pressures] * PA_PER_BAR + ambient
+    y[X], y[ALPHA], y[OMEGA] = u[U_SPOOL], alpha, omega
     # pressed against the plate: as deep in contact as each one's force asks
     force_stroke = (y[P_CTRL] - y[P_C]) * pump.servo.A_stroke
     force_rate = pump.servo.F_rate + pump.servo.k_rate * pump.servo.L_rate * (np.tan(pump.swashplate.alpha_max) - t)
@@ -83,4 +84,4 @@ def starting_state(pump: Pump, circuit: Circuit, inputs: Vector) -> tuple[Vector
         y[N_SHARED + n : N_SHARED + 2 * n] = np.maximum(pocket, 0.5 * P_ATMOSPHERE)
         y[N_SHARED + 2 * n : N_SHARED + 3 * n] = slipper.h
         y[N_SHARED + 3 * n :] = pump.piston.R * t * np.sin(angles) * omega
-    return y, float(Y[OUTPUTS.index("shaft_torque_nm")])
+    return y, float(Y[at.SHAFT_TORQUE])

@@ -16,9 +16,9 @@ from twin.laws.compressibility import pressure, relative_compressibility, relati
 from twin.laws.fluid import Film
 from twin.parameters import Pump
 from twin.pumps import circuit_parameters
+from twin.simulation.film import Motion, Stance, film
 from twin.simulation.layout import ALPHA, N_SHARED, OMEGA, P_C, THETA, n_states
 from twin.simulation.scene import TRANSIENT_INPUTS, Scene, scene_of
-from twin.simulation.slippers import film
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_DEG
 
 Vector = NDArray[np.float64]
@@ -99,7 +99,9 @@ def _turn(
         P, P_p, h, u, phi = y[i], y[i + 1], y[i + 2], y[i + 3], y[THETA]
         phi_new = phi + y[OMEGA] * dt
         r = cos_alpha * piston.R * t * (math.cos(phi_new) - math.cos(phi)) / dt
-        f = film(pump, scene, 1.0, 1.0, t, cos_alpha, math.cos(phi), P, P_p, P_c, h, u, cos_alpha * u + r)
+        f = film(
+            pump, scene, Stance(1.0, 1.0, t, cos_alpha, math.cos(phi)), Motion(P, P_p, P_c, h, u, cos_alpha * u + r)
+        )
         P_new = prescribed_pressure(P_d, P_s, ramp, phi_new)
         # pocket pressure and speed at the step's end, linearly implicit as in the whole pump; no leak of the bore
         w_p = relative_density(medium, P_p)
@@ -119,8 +121,8 @@ def _turn(
         y[THETA] = phi_new
         if j >= skipped:
             row = kept[j - skipped]
-            row[0], row[1], row[2], row[3] = phi_new, P_new, y[i + 1], y[i + 2]
-            row[4], row[5], row[6] = land, throttle, land + (S + extra) * h_dot - A_p * y[i + 3]
+            row[_ANGLE], row[_CHAMBER], row[_POCKET_PRESSURE], row[_GAP] = phi_new, P_new, y[i + 1], y[i + 2]
+            row[_LAND], row[_THROTTLE], row[_CASE] = land, throttle, land + (S + extra) * h_dot - A_p * y[i + 3]
 
 
 def rig_scene(pump: Pump, case: RigCase) -> Scene:
