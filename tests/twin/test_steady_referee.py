@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
+from tests.twin.commutation_referee import Commutation
 from tests.twin.steady_referee import Answer, Change, steady
 from twin.condition import OUTPUTS, Condition, Health, input_rows
 from twin.laws.metering_edge import MARE, SMOOTH
@@ -124,3 +125,18 @@ def test_another_solver_finds_the_same_pump_in_the_plain_equations(index: int) -
         pump, circuit, condition, health, k_d, tuple(place.tolist()), Change(*commute(pump, warmth, row, place))
     )
     assert point.values[0] == pytest.approx(list(said.outputs.values()), rel=1e-7, abs=1e-7)
+
+
+def test_commutations_are_those_of_fine_steps_and_many_rounds() -> None:
+    """Angles within 0.12 degrees and their sum within 0.06 (rms), ripple within 4 %, fluid drawn within 5 %."""
+    sums = []
+    for pump, circuit, condition, health, k_d in cases(12, 3):
+        row = input_rows([condition], [health])[0]
+        u = solved(pump, circuit, row, k_d)
+        found = commute(pump, warmth_of(pump.fluid, row), row, u)
+        fine = Commutation(pump, condition, health, tuple(u.tolist())).solve()
+        assert (found.rising, found.falling) == pytest.approx((fine.rising, fine.falling), abs=2.0e-3)
+        assert found.ripple == pytest.approx(fine.ripple, rel=0.04)
+        assert found.drawn == pytest.approx(fine.drawn, rel=0.05)
+        sums.append(found.rising + found.falling - fine.rising - fine.falling)
+    assert np.sqrt(np.mean(np.square(sums))) < 1.0e-3

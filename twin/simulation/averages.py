@@ -91,4 +91,4 @@ def average(y: Vector, time: float, step: float, flows: Vector, account: Account
 @inlined
 def _averaged(y: Vector, flows: Vector, j: int) -> float:
     """What mean ``j`` is the mean of."""
-    return y[j] if j < N_VOLUMES else (y[ALPHA] if j == TILT_MEAN else flows[j - N_STATE_MEANS])
+    return float(y[j] if j < N_VOLUMES else (y[ALPHA] if j == TILT_MEAN else flows[j - N_STATE_MEANS]))
