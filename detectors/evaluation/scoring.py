@@ -21,6 +21,7 @@ from detectors.evaluation.scores import (
     time_between_false_alarms,
 )
 from detectors.evaluation.study import STATES, Outcome
+from detectors.words.states import QUIET
 from detectors.words.verdict import ESTIMATES, FAULTS, SIDE_OF, Side, State
 
 Array = NDArray[np.float64]
@@ -43,7 +44,6 @@ COVERED: Mapping[str, str] = {
 _N_DRAWS = 1000
 _OUTSIDE = 1.0e12
 """Stands for a size or a delay that was never reached: sorts behind all others without being infinite."""
-_QUIET = (State.HEALTHY, State.INSUFFICIENT_DATA)
 _ACCUSING = tuple(s for s in STATES if SIDE_OF[s] in (Side.PUMP, Side.SYSTEM))
 
 
@@ -86,7 +86,7 @@ class Seen:
 def seen(row: Row, outcome: Outcome) -> Seen:
     """Prepare outcomes for scoring."""
     there = outcome.state >= 0
-    quiet = [STATES.index(s) for s in _QUIET]
+    quiet = [STATES.index(s) for s in QUIET]
     judged = there & (outcome.state != STATES.index(State.INSUFFICIENT_DATA))
     alarmed = there & ~np.isin(outcome.state, quiet)
     after = judged & (outcome.flight >= (row.onset or 0))

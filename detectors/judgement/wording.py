@@ -2,15 +2,10 @@
 
 from collections.abc import Mapping
 
-from detectors.words.verdict import SIDE_OF, Estimate, Side, State
+from detectors.words.states import STATES
+from detectors.words.verdict import FAULTS, SIDE_OF, Estimate, Side, State
 
-NAMES: Mapping[State, str] = {
-    State.PUMP_DEGRADATION: "worn pump",
-    State.COMPENSATOR_FAULT: "compensator fault",
-    State.SYSTEM_LEAKAGE: "leakage in the circuit",
-    State.DRAIN_RESTRICTION: "restricted drain line",
-    State.SENSOR_FAULT: "moved sensor",
-}
+NAMES: Mapping[State, str] = {state: STATES[state].word for state in FAULTS}
 
 
 def advice(

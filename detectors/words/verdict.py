@@ -3,50 +3,22 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from enum import StrEnum
 
+from detectors.words.states import FAULTS, SIDE_OF, Side, State
 
-class State(StrEnum):
-    """What the pump and its circuit are judged to be in."""
-
-    INSUFFICIENT_DATA = "insufficient_data"
-    HEALTHY = "healthy"
-    PUMP_DEGRADATION = "pump_degradation"
-    COMPENSATOR_FAULT = "compensator_fault"
-    SYSTEM_LEAKAGE = "system_leakage"
-    DRAIN_RESTRICTION = "drain_restriction"
-    SENSOR_FAULT = "sensor_fault"
-    INDETERMINATE = "indeterminate"
-
-
-class Side(StrEnum):
-    """Where to look."""
-
-    PUMP = "pump"
-    SYSTEM = "system"
-    SENSOR = "sensor"
-    NONE = "none"
-    UNKNOWN = "unknown"
-
-
-SIDE_OF: Mapping[State, Side] = {
-    State.INSUFFICIENT_DATA: Side.UNKNOWN,
-    State.HEALTHY: Side.NONE,
-    State.PUMP_DEGRADATION: Side.PUMP,
-    State.COMPENSATOR_FAULT: Side.PUMP,
-    State.SYSTEM_LEAKAGE: Side.SYSTEM,
-    State.DRAIN_RESTRICTION: Side.SYSTEM,
-    State.SENSOR_FAULT: Side.SENSOR,
-    State.INDETERMINATE: Side.UNKNOWN,
-}
-FAULTS: tuple[State, ...] = (
-    State.PUMP_DEGRADATION,
-    State.COMPENSATOR_FAULT,
-    State.SYSTEM_LEAKAGE,
-    State.DRAIN_RESTRICTION,
-    State.SENSOR_FAULT,
-)
-"""States that compete with ``healthy`` by evidence."""
+__all__ = [
+    "ESTIMATES",
+    "FAULTS",
+    "SIDE_OF",
+    "TREND_METRICS",
+    "UNINFORMED",
+    "Assessment",
+    "Estimate",
+    "Quality",
+    "Side",
+    "State",
+    "Verdict",
+]
 
 UNINFORMED: Mapping[State, float] = dict.fromkeys((State.HEALTHY, *FAULTS), 1.0 / (1 + len(FAULTS)))
 """Probabilities before a baseline allows any comparison: every answer alike."""

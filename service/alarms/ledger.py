@@ -8,7 +8,8 @@ from typing import Any
 from sqlalchemy import exists, select
 from sqlalchemy.orm import Session
 
-from service.alarms.life_cycle import PRIORITIES, QUIET, Action, Life, Point, lives, rules_of
+from detectors.words.states import QUIET
+from service.alarms.life_cycle import PRIORITIES, Action, Life, Point, lives, rules_of
 from service.alarms.reading import shown
 from service.notifications.outbox import Event, announce
 from service.storage.database import Database
@@ -49,7 +50,7 @@ def catch_up(database: Database) -> int:
 
     Safe to repeat: a pump that has alarms is left alone.
     """
-    faulty = select(StoredAssessment.pump_id).where(StoredAssessment.state.not_in(QUIET)).distinct()
+    faulty = select(StoredAssessment.pump_id).where(StoredAssessment.state.not_in([s.value for s in QUIET])).distinct()
     without = ~exists().where(Alarm.pump_id == Pump.id)
     with database.reading() as session:
         pump_ids = list(session.scalars(select(Pump.id).where(Pump.id.in_(faulty), without).order_by(Pump.id)))

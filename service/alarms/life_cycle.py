@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
+from detectors.words.states import QUIET, STATES, State
+
 PRIORITIES: tuple[str, ...] = ("low", "medium", "high", "critical")
 """Rising order. Sensors are low, what cannot be told yet is medium, a named fault is high, wear beyond the pump
-type's limit is critical (our choice; ISA-18.2 asks for a few that people can tell apart)."""
+type's limit is critical (``detectors.words.states``)."""
 ACKNOWLEDGE, SHELVE, UNSHELVE, CLOSE = "acknowledge", "shelve", "unshelve", "close"
-QUIET = ("healthy", "insufficient_data")
-"""States in which nothing is wrong as far as anybody can tell."""
-_UNNAMED = (*QUIET, "indeterminate")
+_UNNAMED = (*QUIET, State.INDETERMINATE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +164,7 @@ def priority_of(state: str, beyond_limit: bool) -> str:
     """Priority of a verdict's state."""
     if beyond_limit:
         return "critical"
-    return {"sensor_fault": "low", "indeterminate": "medium"}.get(state, "high")
+    return STATES[State(state)].priority or PRIORITIES[0]
 
 
 def _raised(first: Point, point: Point, beyond: bool) -> Life:

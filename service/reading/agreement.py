@@ -10,12 +10,11 @@ from scipy.stats import binomtest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from detectors.words.states import QUIET
 from detectors.words.verdict import FAULTS, SIDE_OF, State
 from service.access.security import Principal
 from service.storage.tables import Finding, Pump, StoredAssessment
 from service.storage.tables.history import NO_FAULT_FOUND
-
-_QUIET = (State.HEALTHY.value, State.INSUFFICIENT_DATA.value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +27,7 @@ class JudgedFinding:
     @property
     def was_alarm(self) -> bool:
         """True where the verdict named a fault or said that something has changed."""
-        return self.state is not None and self.state not in _QUIET
+        return self.state is not None and self.state not in QUIET
 
 
 def judged_findings(session: Session, principal: Principal) -> list[JudgedFinding]:

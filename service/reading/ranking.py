@@ -7,29 +7,17 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from detectors.words.states import QUIET, STATES, State
 from service.alarms.life_cycle import PRIORITIES
 from service.alarms.reading import is_shelved
 from service.reading import queries
 from service.storage.tables import Alarm, Pump
 from service.thresholds.layers import thresholds_of
 
-URGENCY: tuple[str, ...] = (
-    "pump_degradation",
-    "compensator_fault",
-    "system_leakage",
-    "drain_restriction",
-    "indeterminate",
-    "sensor_fault",
-    "insufficient_data",
-    "healthy",
-)
-"""States from the most to the least urgent (our choice)."""
-_NOTHING_WRONG = ("healthy", "insufficient_data")
-
 
 def by_state(pump: Mapping[str, Any]) -> tuple[Any, ...]:
     """Sorting key of a pump as the API shows it, by its state alone."""
-    return URGENCY.index(pump["state"]), -pump["confidence"], pump["operator"], pump["serial"]
+    return STATES[State(pump["state"])].urgency, -pump["confidence"], pump["operator"], pump["serial"]
 
 
 def ranked(session: Session, rows: Sequence[Pump], shown: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -77,7 +65,7 @@ def _reasons(
     if pump["state"] == "indeterminate":
         candidates = ", ".join(c.replace("_", " ") for c in pump["candidates"])
         reasons.append(f"something has changed, what remains possible: {candidates or 'nothing named yet'}")
-    elif pump["state"] not in _NOTHING_WRONG:
+    elif pump["state"] not in QUIET:
         probability = (verdict or {}).get("probabilities", {}).get(pump["state"], 0.0)
         reasons.append(f"{words} with a probability of {100 * probability:.0f} %")
     flow = ((verdict or {}).get("estimates") or {}).get("case_flow_at_reference_lpm") or {}

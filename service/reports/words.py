@@ -4,26 +4,10 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
-WORDS: Mapping[str, str] = {
-    "insufficient_data": "Baseline",
-    "healthy": "Healthy",
-    "pump_degradation": "Worn pump",
-    "compensator_fault": "Compensator",
-    "system_leakage": "Leak in circuit",
-    "drain_restriction": "Drain restricted",
-    "sensor_fault": "Sensor moved",
-    "indeterminate": "Cannot tell yet",
-}
-MARKS: Mapping[str, str] = {
-    "insufficient_data": "○",
-    "healthy": "✓",
-    "pump_degradation": "▲",
-    "compensator_fault": "▲",
-    "system_leakage": "◆",
-    "drain_restriction": "◆",
-    "sensor_fault": "■",
-    "indeterminate": "?",
-}
+from detectors.words.states import STATES
+
+WORDS: Mapping[str, str] = {state.value: row.label for state, row in STATES.items()}
+MARKS: Mapping[str, str] = {state.value: row.mark for state, row in STATES.items()}
 ESTIMATE_NAMES: Mapping[str, str] = {
     "pump_leakage_change_lpm": "pump leakage, change",
     "system_leakage_change_lpm": "circuit leakage, change",

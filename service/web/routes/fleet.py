@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 
+from detectors.words.states import QUIET
 from detectors.words.verdict import TREND_METRICS
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
@@ -25,13 +26,12 @@ def summary(context: ContextOf, asker: Asker) -> dict[str, Any]:
     with context.database.reading() as session:
         pumps = fleet(session, asker)
         judged = judged_findings(session, asker)
-    quiet = ("healthy", "insufficient_data")
     return {
         "pumps": len(pumps),
         "records": sum(p["records"] for p in pumps),
         "by_state": dict(Counter(p["state"] for p in pumps)),
         "by_side": dict(Counter(p["side"] for p in pumps)),
-        "attention": [p for p in pumps if p["state"] not in quiet],
+        "attention": [p for p in pumps if p["state"] not in QUIET],
         "silent": [p for p in pumps if p["silent"]],
         "findings": rates(judged),
     }
