@@ -267,6 +267,16 @@ class Sensor:
     accuracy_fs: float
     repeatability_fs: float
 
+    @property
+    def repeatability_bar(self) -> float:
+        """What the sensor repeats to [bar]."""
+        return self.full_scale_bar * self.repeatability_fs
+
+    @property
+    def resolution_bar(self) -> float:
+        """A tenth of its repeatability [bar] (estimate): honest samples of a quiet channel differ by that much."""
+        return 0.1 * self.full_scale_bar * self.repeatability_fs
+
 
 @dataclass(frozen=True, slots=True)
 class PumpType:

@@ -16,6 +16,7 @@ from scipy.stats import norm
 from benchmarks.charts.contract import Sequence
 
 _STATES = 300
+"""Cells of the chart's range in the Markov chain (estimate: more cells change no run length that is used)."""
 
 
 class Side(StrEnum):

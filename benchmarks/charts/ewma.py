@@ -14,6 +14,7 @@ from scipy.stats import norm
 from benchmarks.charts.contract import Sequence
 
 _STATES = 201
+"""Cells of the chart's range in the Markov chain, odd so that one is centred (estimate: more change no run length that is used)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,6 +62,7 @@ _AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
 _RATE_WALK = 0.05
 """Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
 _CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
+"""The healthy pump, those that came worn, and every onset that is kept."""
 
 DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
 """What each kind of fault moves per unit of amplitude, zeros for the healthy pump last, shape (N_KINDS + 1, N_COMPONENTS)."""
@@ -88,7 +89,9 @@ _RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
 _RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
 _SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
 """Walks from record to record by shape and kind, the healthy pump last."""
-_WARMTH, _LOAD, _LEAST_LOAD_LPM = COLUMN["warmth"], COLUMN["load_flow"], 1.0
+_WARMTH, _LOAD = COLUMN["warmth"], COLUMN["load_flow"]
+_LEAST_LOAD_LPM = 1.0
+"""Flow from which a window counts as one under load (estimate: twice what counts as zero)."""
 _WALK = walk_variance()
 
 

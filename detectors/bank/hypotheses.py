@@ -191,6 +191,7 @@ FREE_SETTING_WALK_BAR = 0.05
 UNMEASURED_RESERVOIR_WALK_BAR = 0.2
 """Change of the reservoir pressure from flight to flight where no sensor tells (estimate)."""
 MEASURED_RESERVOIR_SD_BAR = 0.01
+"""What a reservoir sensor leaves unknown of its own pressure (estimate: where one is fitted, its zero is checked with the pump off)."""
 
 
 def prior(pump: PumpType) -> tuple[Array, Array]:

@@ -19,11 +19,9 @@ from detectors.expectation.components import (
     SETTING,
 )
 from detectors.expectation.reduced_twin import pressures
+from detectors.words.numbers import STUDENT_DEGREES
 from twin.compiled import compiled
 
-STUDENT_DEGREES = 5.0
-"""Degrees of freedom of the predictive densities (estimate): heavy tails, so that an outlier of any size costs a bounded
-amount, and still a finite variance and kurtosis."""
 N_MEASURED = 6
 """Discharge pressure, case pressure, zero of the case sensor, order n of both pressures, line at once per turn."""
 DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)

@@ -57,6 +57,7 @@ _MOST_VARIANCE = (_MOST_NOISE * _NOISE) ** 2
 _PRESENCE = np.array([9.0, 1.0])
 """Prior flights on which a fault shows and does not (estimate)."""
 _CAPACITY = 1 + MOST_ONSETS
+"""The healthy filter and every onset."""
 
 
 def _unknown() -> Charts:

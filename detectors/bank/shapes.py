@@ -173,9 +173,9 @@ class Sums(NamedTuple):
     moments: Array
 
 
-SHARE, FIRST, SECOND, RESOLUTION = range(4)
-"""Columns of ``Sums.moments``."""
 N_MOMENTS = 4
+SHARE, FIRST, SECOND, RESOLUTION = range(N_MOMENTS)
+"""Columns of ``Sums.moments``."""
 
 
 class Charts(NamedTuple):

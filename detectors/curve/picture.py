@@ -5,8 +5,10 @@ from collections.abc import Mapping
 
 from detectors.curve.points import Curve
 from detectors.curve.svg import ACCENT, BAND, INK, QUIET, Frame, axes, document, line, padded, path, text
+from detectors.words.numbers import Z_90
 
 WIDTH, HEIGHT = 820, 520
+"""Of the picture [px]: half a page of a printed report."""
 _NAMES: Mapping[str, str] = {
     "pump_degradation": "worn pump",
     "compensator_fault": "setting",
@@ -14,6 +16,7 @@ _NAMES: Mapping[str, str] = {
     "drain_restriction": "restricted drain",
 }
 _ARROW = 9.0
+"""Length of an arrow's wings [px]."""
 
 
 def curve_svg(curve: Curve, title: str) -> str:
@@ -88,8 +91,8 @@ def _points(curve: Curve, frame: Frame) -> list[str]:
                 f'<circle cx="{x:.1f}" cy="{y:.1f}" r="4" fill="none" stroke="{INK}" stroke-opacity="{share:.2f}"/>'
             )
             continue
-        half_x = 1.645 * math.sqrt(point.covariance[0][0])
-        half_y = 1.645 * math.sqrt(point.covariance[1][1])
+        half_x = Z_90 * math.sqrt(point.covariance[0][0])
+        half_y = Z_90 * math.sqrt(point.covariance[1][1])
         out.append(line(frame.x(point.x - half_x), y, frame.x(point.x + half_x), y, INK))
         out.append(line(x, frame.y(point.y - half_y), x, frame.y(point.y + half_y), INK))
         out.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="6" fill="{INK}"/>')

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.expectation.residuals import case_noise_sd, discharge_noise_sd, matching_condition, reservoir_noise_sd
+from detectors.words.numbers import Z_90
 from detectors.words.observation import Observation, Window
 from twin.condition import Condition, Health, OperatingPoints, input_rows
 from twin.operating_point import operating_points
@@ -21,8 +22,9 @@ Array = NDArray[np.float64]
 
 AXES: Mapping[str, str] = {"x": "discharge_pressure_bar", "y": "case_minus_reservoir_bar"}
 DEMANDS_LPM: tuple[float, ...] = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+"""Demands at which the curve is drawn (our choice: dense where the droop begins) [L/min]."""
 BASELINE_RECORDS = 8
-_Z_90 = 1.645
+"""Records from the first one on that a pump's own curve is laid through (the baseline's, ``baseline_records``)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +142,7 @@ def _reference(pump: PumpType, circuit: Circuit, condition: Condition) -> tuple[
         ("fluid_temperature_degc", 1.0),
     ):
         variance += (points.derivative("case_pressure_bar", name) * scale) ** 2
-    half = _Z_90 * np.sqrt(variance)
+    half = Z_90 * np.sqrt(variance)
     return tuple(
         CurvePoint(float(x), float(y), float(y - h), float(y + h), q)
         for (x, y), h, q, s in zip(plane, half, DEMANDS_LPM, points.status, strict=True)

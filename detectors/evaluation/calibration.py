@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.evaluation.scores import Score
+from detectors.evaluation.scores import N_DRAWS, Score
 from detectors.evaluation.scoring import Seen, Truths
 from detectors.evaluation.study import NAMES
 from detectors.words.verdict import State
@@ -17,7 +17,6 @@ N_BINS = 10
 N_FINE = 240
 _WIDEST_LOG_ODDS = 12.0
 """Fine bins are equally wide in log odds between these ends; bins of equal mass are put together from them."""
-_N_DRAWS = 500
 
 
 @dataclass(frozen=True)
@@ -118,10 +117,10 @@ def calibration_error(
     place = _bin_of(shares[0], N_BINS) if by_mass else np.arange(shares.shape[1])
     n_bins = int(place.max()) + 1
     rng = np.random.default_rng(seed)
-    draws = np.zeros((_N_DRAWS, n_bins))
+    draws = np.zeros((N_DRAWS, n_bins))
     for table, weight in zip(tables, share, strict=True):
         gap, counted = _merged(table.stated - table.happened, place, n_bins), table.counted.sum(axis=1)
-        for k in range(_N_DRAWS):
+        for k in range(N_DRAWS):
             drawn = rng.integers(0, len(gap), len(gap))
             draws[k] += weight * gap[drawn].sum(axis=0) / max(float(counted[drawn].sum()), 1.0)
     errors = np.abs(draws).sum(axis=1)

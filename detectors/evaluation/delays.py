@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.operating import log_odds
-from detectors.evaluation.scores import Score, bootstrap, proportion, time_between_false_alarms
+from detectors.evaluation.scores import N_DRAWS, Score, bootstrap, proportion, time_between_false_alarms
 from detectors.evaluation.scoring import Seen
 from detectors.evaluation.small_steps import ARL, chart_threshold
 
@@ -23,8 +23,8 @@ LEAST_DELAY = "log ARL / KL [records]"
 CHART, ALARM, INFORMED = "evidence chart", "alarm", "a detector that knows size and course"
 CHART_FALSE_ALARMS = "false alarms of the evidence chart per 10,000 records before the step"
 FLOORED = "steps below the smallest size worth a word"
-_N_DRAWS = 500
 _N_PATHS = 100
+"""Simulated courses of one detector (estimate: the study's own pumps scatter more)."""
 
 
 def mean_delay(of: str) -> str:
@@ -68,8 +68,8 @@ def delay_scores(found: Seen, seed: int) -> dict[str, Score]:
     records = int(sum(found.judged[i, : onset[i]].sum() for i in np.flatnonzero(onset >= 0)))
     between = time_between_false_alarms(before, max(records, 1))
     result = {
-        INFORMATION: bootstrap(_mean, math.log(ARL) / least, seed=seed, n_draws=_N_DRAWS),
-        LEAST_DELAY: bootstrap(_mean, least, seed=seed, n_draws=_N_DRAWS),
+        INFORMATION: bootstrap(_mean, math.log(ARL) / least, seed=seed, n_draws=N_DRAWS),
+        LEAST_DELAY: bootstrap(_mean, least, seed=seed, n_draws=N_DRAWS),
         CHART_FALSE_ALARMS: Score(1e4 * before / max(records, 1), 1e4 / between.high, 1e4 / between.low),
         FLOORED: proportion(int((~found.outcome.faulty[pumps, found.last[pumps]]).sum()), len(pumps)),
     }
@@ -80,7 +80,7 @@ def delay_scores(found: Seen, seed: int) -> dict[str, Score]:
         result |= _means(name, late, least, seed)
     paths = [_informed(gain, rng) for gain in gains]
     shares = np.array([np.isfinite(p).mean() for p in paths])
-    result[found_by(INFORMED)] = bootstrap(_mean, shares, seed=seed, n_draws=_N_DRAWS)
+    result[found_by(INFORMED)] = bootstrap(_mean, shares, seed=seed, n_draws=N_DRAWS)
     late = np.array([np.minimum(p, end).mean() for p, end in zip(paths, ends, strict=True)])
     return result | _means(INFORMED, late, least, seed)
 
@@ -94,9 +94,9 @@ def chart_episodes(above: NDArray[np.bool_], judged: NDArray[np.bool_]) -> int:
 def _means(name: str, late: Array, least: Array, seed: int) -> dict[str, Score]:
     pairs = np.column_stack([late, least])
     return {
-        mean_delay(name): bootstrap(_mean, late, seed=seed, n_draws=_N_DRAWS),
+        mean_delay(name): bootstrap(_mean, late, seed=seed, n_draws=N_DRAWS),
         excess(name): bootstrap(
-            lambda x: float((x[:, 0].mean() - 5.0) / x[:, 1].mean()), pairs, seed=seed, n_draws=_N_DRAWS
+            lambda x: float((x[:, 0].mean() - 5.0) / x[:, 1].mean()), pairs, seed=seed, n_draws=N_DRAWS
         ),
     }
 

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.reality import Flights, drawn_by_aircraft, viscosity_ratio
+from detectors.expectation.components import LOAD_LPM
 from detectors.words.observation import Mean, Window, WindowKind
 from twin.condition import INPUTS
 from twin.operating_point import operating_points
 from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
-
-_LOAD_LPM = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,7 @@ def pressures_under_load(
         rows[..., INPUTS.index("discharge_flow_lpm")] = made * flow + rng.normal(0.0, 0.25, shape)
         points = operating_points(pump.pump, rows.reshape(-1, len(INPUTS)), flights.circuit)
         more = (points.value("return_pressure_bar").reshape(shape) - flights.reservoir) * (drop - 1.0)
-        load = flow / _LOAD_LPM
+        load = flow / LOAD_LPM
         case[..., k] = points.value("case_pressure_bar").reshape(shape) + more
         discharge[..., k] = points.value("discharge_pressure_bar").reshape(shape) + more + load * (missed + load * bent)
     return discharge, case

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.evaluation.scores import Score, alpha_lambda, bootstrap, proportion
+from detectors.evaluation.scores import N_DRAWS, Score, alpha_lambda, bootstrap, proportion
 from detectors.evaluation.scoring import Seen
 from detectors.evaluation.sensing import HOURS_PER_FLIGHT
 from detectors.evaluation.study import Outcome
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 LAMBDAS: tuple[float, ...] = (0.5, 0.7, 0.9)
 """Shares of a life at which forecasts are asked; half a life is what the targets ask."""
 ALPHA = 0.2
-_N_DRAWS = 500
+"""Part of the life that is left by which a forecast may miss (alpha of the alpha-lambda metric; Saxena et al. 2010 use 0.2)."""
 
 
 def given_at(share: float) -> str:
@@ -93,6 +93,6 @@ def life_scores(found: Seen, limit: float, seed: int) -> dict[str, Score]:
             result |= {
                 covered_at(share): proportion(int(inside.sum()), int(given.sum())),
                 near_where_given_at(share): proportion(int(near.sum()), int(given.sum())),
-                error_at(share): bootstrap(lambda x: float(np.median(x)), error, seed=seed, n_draws=_N_DRAWS),
+                error_at(share): bootstrap(lambda x: float(np.median(x)), error, seed=seed, n_draws=N_DRAWS),
             }
     return result

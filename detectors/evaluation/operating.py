@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from detectors.evaluation.scores import Score, detection_delay, proportion, time_between_false_alarms
+from detectors.evaluation.scores import N_DRAWS, Score, detection_delay, proportion, time_between_false_alarms
 from detectors.evaluation.scoring import Seen, Truths
 
 Array = NDArray[np.float64]
@@ -23,8 +23,8 @@ WANTED_FALSE_ALARMS = 1.0
 DETECTED_AT_ONE = "alarm after the onset, at 1 false alarm per 10,000 records"
 DELAY_AT_ONE = "delay, median, at 1 false alarm per 10,000 records"
 THRESHOLD_AT_ONE = "log odds that give 1 false alarm per 10,000 records"
-_N_DRAWS = 500
 _MISSED = 1.0e9
+"""Delay that stands for no alarm: beyond any life, and finite so that medians can be taken."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def _rate(n: int, records: int) -> Score:
 def _median(delay: Array, seed: int) -> Score:
     rng = np.random.default_rng(seed)
     rank = (len(delay) - 1) // 2
-    drawn = np.sort(delay[rng.integers(0, len(delay), (_N_DRAWS, len(delay)))], axis=1)[:, rank]
+    drawn = np.sort(delay[rng.integers(0, len(delay), (N_DRAWS, len(delay)))], axis=1)[:, rank]
     low, high = np.quantile(drawn, (0.025, 0.975), method="nearest")
     return Score(*(_reached(v) for v in (float(np.sort(delay)[rank]), float(low), float(high))))
 
@@ -164,7 +164,7 @@ def _at_wanted_rate(false_alarms: Array, records: NDArray[np.int64], delay: Arra
 
     n, m = false_alarms.shape[1], delay.shape[1]
     value = at(np.arange(n, dtype=np.int64), np.arange(m, dtype=np.int64))
-    draws = [at(rng.integers(0, n, (n,)), rng.integers(0, m, (m,))) for _ in range(_N_DRAWS)]
+    draws = [at(rng.integers(0, n, (n,)), rng.integers(0, m, (m,))) for _ in range(N_DRAWS)]
     kept = np.array([d for d in draws if d is not None])
     if value is None or not len(kept):
         return {}

@@ -12,6 +12,10 @@ from scipy.stats import chi2
 Array = NDArray[np.float64]
 
 
+N_DRAWS = 500
+"""Resamples of a bootstrap interval (estimate: its ends are then known to a tenth of its width)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Score:
     """An estimate with its confidence interval."""

@@ -19,8 +19,11 @@ from twin.parameters import PumpType
 Array = NDArray[np.float64]
 
 HOURS_PER_FLIGHT = 2.0
+"""Estimate: a crew change flight to an offshore platform."""
 START = datetime(2026, 1, 5, 8, 0, tzinfo=UTC)
+"""Any Monday: nothing depends on it."""
 _SAMPLES = 60
+"""Samples of a window: one minute at 1 Hz."""
 
 
 @dataclass(frozen=True, slots=True)

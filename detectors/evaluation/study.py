@@ -23,7 +23,9 @@ _STATE_NUMBER = {s: i for i, s in enumerate(STATES)}
 _ROUND = 8
 """A whole round of the kinds that take turns over chunks: shares stay right for any number of pumps."""
 _LARGEST = 10
+"""Rounds of pumps that one process judges at once (estimate: large enough to start for, small enough to share out)."""
 _PADDING = {"flight": -1, "state": -1, "candidates": 0, "faulty": False}
+"""What stands where a pump has no record."""
 
 
 @dataclass(frozen=True)

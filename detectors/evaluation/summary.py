@@ -14,7 +14,7 @@ from detectors.evaluation.operating import OperatingCurve, operating_curve
 from detectors.evaluation.prevalence import prior_weights
 from detectors.evaluation.reality import Reality
 from detectors.evaluation.rows import Row
-from detectors.evaluation.scores import Roc, Score, roc
+from detectors.evaluation.scores import N_DRAWS, Roc, Score, roc
 from detectors.evaluation.scoring import (
     COVERED,
     FalseAlarm,
@@ -41,7 +41,6 @@ CONFIDENCE_ERROR_FROM_ONSET = "calibration error, confidence, faulty from the on
 EACH_ERROR_FROM_ONSET = "calibration error, six probabilities, faulty from the onset on"
 ALARMED_ERROR = "calibration error, confidence while in alarm"
 ROC_AREA = "area below the ROC"
-_N_DRAWS = 500
 
 
 def scope_of_leak(law: str) -> str:
@@ -205,7 +204,7 @@ def _area(sound: Array, faulty: Array, area: float, seed: int) -> Score:
     rng = np.random.default_rng(seed)
     draws = [
         roc(sound[rng.integers(0, len(sound), len(sound))], faulty[rng.integers(0, len(faulty), len(faulty))]).area
-        for _ in range(_N_DRAWS)
+        for _ in range(N_DRAWS)
     ]
     low, high = np.quantile(draws, (0.025, 0.975))
     return Score(area, float(low), float(high))

@@ -12,6 +12,7 @@ from detectors.expectation import components as c
 from detectors.expectation.anchor import COLUMN
 from twin.compiled import compiled
 from twin.laws.lines import drain_pressure_drop, return_pressure_drop_with_slope
+from twin.numbers import ZERO_FLOW_BAR
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ _K_INF, _K, _GAMMA = COLUMN["return_coefficient"], COLUMN["return_constant"], CO
 _SHARED, _SLIPPER_LAW, _LAMINAR_LAW = COLUMN["shared"], COLUMN["slipper_law"], COLUMN["laminar_law"]
 _SYSTEM_LAW, _WARMTH = COLUMN["system_law"], COLUMN["warmth"]
 
-_COUNTED = 175.0
+_COUNTED = ZERO_FLOW_BAR
 """Pressure difference at which leaks of the circuit and throttled leakage are counted [bar]."""
 _SLIPPER_VISCOSITY = 0.5
 """Exponent of slipper leakage in viscosity: between its land (1) and its throttle (0)."""

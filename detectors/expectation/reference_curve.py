@@ -12,15 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import t as student_t
 
+from detectors.words.numbers import STUDENT_DEGREES
+
 Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]
 """Expected response of points, shape (n, number of regressors) in the regressors' order: the twin's curve."""
 
 MOST_LEVERAGE = 2.0
 """Leverage beyond the fitted points' largest, by this factor, is outside the range."""
-_TAIL_DOF = 5.0
 _NOISE_POINTS = 3.0
+"""Points that the stated repeatability is worth against the residuals' own scatter (estimate)."""
 _LEVEL_PRIOR = 100.0
+"""Spread of a level without an expected shape, in all that the points show: as good as unknown (estimate)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -279,7 +282,7 @@ def fit_reference(
         total = float(weight * share @ residual**2) + _NOISE_POINTS * repeatability**2
         # scatter of single points, degrees of freedom of independent ones
         newest = math.sqrt(total / (lost + _NOISE_POINTS))
-        weight = (_TAIL_DOF + 1.0) / (_TAIL_DOF + (residual / newest) ** 2)
+        weight = (STUDENT_DEGREES + 1.0) / (STUDENT_DEGREES + (residual / newest) ** 2)
         if labels is not None:
             share = _shares(residual * np.sqrt(weight), labels)
         if abs(newest / scatter - 1.0) < 1e-9:

@@ -35,16 +35,18 @@ def matching_condition(window: Window, pump: PumpType) -> Condition:
 def discharge_noise_sd(window: Window, pump: PumpType) -> float:
     """One-sigma of a window's mean discharge pressure against the true one, repeatability included [bar]."""
     sensor = pump.sensors["discharge_pressure_bar"]
-    repeatability = sensor.full_scale_bar * sensor.repeatability_fs
-    return math.hypot(window.means["discharge_pressure_bar"].standard_error, repeatability, TWIN_DISCHARGE_SD_BAR)
+    return math.hypot(
+        window.means["discharge_pressure_bar"].standard_error, sensor.repeatability_bar, TWIN_DISCHARGE_SD_BAR
+    )
 
 
 def case_noise_sd(window: Window, pump: PumpType) -> float:
     """One-sigma of a window's mean case pressure, its zero apart [bar]."""
     sensor = pump.sensors["case_pressure_bar"]
     mean = window.means["case_pressure_bar"]
-    repeatability = sensor.full_scale_bar * sensor.repeatability_fs
-    return math.hypot(mean.standard_error, repeatability, TWIN_CASE_SD_BAR, TWIN_CASE_SD_RELATIVE * max(mean.mean, 0.0))
+    return math.hypot(
+        mean.standard_error, sensor.repeatability_bar, TWIN_CASE_SD_BAR, TWIN_CASE_SD_RELATIVE * max(mean.mean, 0.0)
+    )
 
 
 def reservoir_noise_sd(window: Window, pump: PumpType) -> float:
@@ -53,7 +55,7 @@ def reservoir_noise_sd(window: Window, pump: PumpType) -> float:
     if mean is None:
         return pump.population["reservoir_pressure_bar"].value
     sensor = pump.sensors["reservoir_pressure_bar"]
-    return math.hypot(mean.standard_error, sensor.full_scale_bar * sensor.repeatability_fs)
+    return math.hypot(mean.standard_error, sensor.repeatability_bar)
 
 
 def window_residuals(window: Window, zero: Zero, pump: PumpType, circuit: Circuit) -> dict[str, Residual]:

@@ -26,6 +26,7 @@ and 9.5 % at the 95 % quantile, the greater part of it a bias that the pump's ow
 LINE_SD_BAR = 0.006
 """Wander of the once-per-turn line of a healthy pump from flight to flight (estimate)."""
 _N_LINE = 2
+"""Place of order n among the lines of ``twin.orders.surfaces``: 1, n - 1, n, n + 1, 2 n."""
 _MOVES = {
     "ln_slipper": "slipper_leakage_scale",
     "ln_laminar": "port_plate_leakage_scale",

@@ -36,6 +36,7 @@ NEAR_K, NEAR_RPM = 5.0, 100.0
 SAME_DEMAND_BAR = 0.1
 """Estimate: what discharge pressure repeats to; half a litre a minute costs half of it."""
 _FEWEST_POINTS = 2
+"""Points that a measured curve needs to say where it reaches: two ends."""
 
 
 class HealthyPoint(NamedTuple):

@@ -186,15 +186,15 @@ def _flight(
     level = case * np.repeat([y[CASE] for y, _, _ in windows], 2)
     by_temperature = rows[:, [COLUMN["discharge_by_temperature"], COLUMN["case_by_temperature"]]].ravel()
     parts = [
-        (_repeatability(sensors.discharge), discharge),
-        (_repeatability(sensors.case), case),
+        (sensors.discharge.repeatability_bar, discharge),
+        (sensors.case.repeatability_bar, case),
         (TWIN_DISCHARGE_SD_BAR, discharge),
         (TWIN_CASE_SD_BAR, case),
         (TWIN_CASE_SD_RELATIVE, level),
         (TEMPERATURE_SD_K, by_temperature),
     ]
     if sensors.reservoir is not None:
-        parts.append((_repeatability(sensors.reservoir), discharge + case))
+        parts.append((sensors.reservoir.repeatability_bar, discharge + case))
     for i in range(plan.windows_per_flight, w):
         here = np.repeat(np.arange(w) == i, 2)
         by_load = rows[i, [COLUMN["discharge_by_load"], COLUMN["case_by_load"]]]
@@ -204,9 +204,9 @@ def _flight(
         shared += sd**2 * np.outer(pattern, pattern)
     blocks = [shared + np.diag(own)]
     if sensors.zero_measured:
-        tank = UNMEASURED_RESERVOIR_SD_BAR if sensors.reservoir is None else _repeatability(sensors.reservoir)
+        tank = UNMEASURED_RESERVOIR_SD_BAR if sensors.reservoir is None else sensors.reservoir.repeatability_bar
         slopes.append(windows[0][1][[ZERO]])
-        blocks.append(np.array([[ZERO_SE_BAR**2 + _repeatability(sensors.case) ** 2 + tank**2]]))
+        blocks.append(np.array([[ZERO_SE_BAR**2 + sensors.case.repeatability_bar**2 + tank**2]]))
     if plan.burst:
         last = windows[plan.windows_per_flight - 1]
         seen, noise = _lines(plan, amplitudes, last[0])
@@ -259,10 +259,6 @@ def _spreads(plan: Plan, pump: PumpType) -> tuple[Array, Array]:
 
 def _worse(sensor: Sensor, than: Sensor) -> float:
     return (sensor.full_scale_bar * sensor.accuracy_fs) / (than.full_scale_bar * than.accuracy_fs)
-
-
-def _repeatability(sensor: Sensor) -> float:
-    return sensor.full_scale_bar * sensor.repeatability_fs
 
 
 def _diagonal(blocks: list[Array]) -> Array:

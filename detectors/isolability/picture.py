@@ -8,8 +8,10 @@ from detectors.isolability.bounds import FaultBound, Isolability
 from detectors.isolability.table import Row
 
 _WIDTH, _ROW, _TOP, _LEFT = 860, 30, 70, 190
+"""Of the picture, of one fault's line, of the head and of the names [px]."""
 _LOWEST = 0.01
 _SHARES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Where the axis begins and has its lines, as shares of a fault's largest size (our choice)."""
 
 
 def isolability_svg(found: Isolability, title: str) -> str:

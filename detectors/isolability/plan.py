@@ -21,6 +21,7 @@ PLAN_RANGES: Mapping[str, tuple[float, float]] = {
 }
 """Lowest and highest value of each number, both included."""
 MOST_GROUND_RUN_FLOWS = 3
+"""Windows under load of one record that the judge learns from (``detectors.bank.measurement.MOST_WINDOWS``)."""
 
 
 class PlanFaultsError(ValueError):

@@ -16,6 +16,7 @@ from detectors.judgement import wording
 from detectors.judgement.estimates import estimates
 from detectors.judgement.isolation import Alarm, Decision, Evidence, decided, evidence, secondary
 from detectors.words.flights import Roles, outline_of, roles_of
+from detectors.words.numbers import Z_90
 from detectors.words.observation import History, Maintenance, Observation, Residual
 from detectors.words.verdict import SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
 from twin.parameters import Circuit, PumpType
@@ -220,14 +221,14 @@ def _due(maintenance: tuple[Maintenance, ...], after: datetime, until: datetime)
 def _measured_trend(observation: Observation, residuals: Mapping[str, Residual]) -> dict[str, Estimate]:
     trend = {}
     for name, residual in residuals.items():
-        half = 1.645 * residual.standard_deviation
+        half = Z_90 * residual.standard_deviation
         metric = f"{name.removesuffix('_pressure_bar')}_residual_bar"
         trend[metric] = Estimate(residual.residual, residual.residual - half, residual.residual + half)
     window = observation.reduction.zero_flow
     for name in ("fluid_temperature_degc", "reservoir_pressure_bar"):
         mean = window.means.get(name) if window is not None else None
         if mean is not None:
-            half = 1.645 * mean.standard_error
+            half = Z_90 * mean.standard_error
             trend[name] = Estimate(mean.mean, mean.mean - half, mean.mean + half)
     return trend
 

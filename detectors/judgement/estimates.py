@@ -9,11 +9,11 @@ from detectors.bank.bank import DIRECTIONS, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.kernel import mean_case_flow
 from detectors.judgement.isolation import QUANTITIES, Evidence
+from detectors.words.numbers import Z_90
 from detectors.words.verdict import Estimate
 
 Array = NDArray[np.float64]
 
-Z_90 = 1.645
 WIDENING = 1.12
 """Intervals are widened by an eighth: what a study against foreign realities asked for honest coverage."""
 _ODDS_TO_FIND = 12.0
@@ -24,6 +24,7 @@ _SCALES = {
 }
 _DRAIN = "drain_resistance_change_percent"
 _N_LIKELY = 3
+"""Filters that the case flow is averaged over (estimate: the rest hardly moves the mean, and each costs an evaluation of the twin)."""
 
 
 def estimates(bank: Bank, found: Evidence, reference: Array) -> tuple[dict[str, Estimate], dict[str, float]]:

@@ -170,6 +170,7 @@ def _shares(sums: Sequence[float]) -> list[float]:
 
 _COMPENSATOR = FAULTS.index(State.COMPENSATOR_FAULT)
 _MOST_LOG_ODDS = 600.0
+"""Beyond 709 a double overflows."""
 _MOVED = next(k for k in FAULT_KINDS if k.component == "setting")
 _IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False, False])
 """By entry of ``Meaning.floors``."""

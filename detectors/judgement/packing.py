@@ -19,6 +19,7 @@ AnyArray = NDArray[Any]
 
 _DTYPES = ("<f8", "<i8", "|b1")
 _LENGTH = 8
+"""Bytes of the head's length."""
 
 
 def packed(value: Any) -> bytes:

@@ -42,6 +42,7 @@ _WORTH = 10.0
 _TOLD = 0.9
 """A pump has said something of a component whose variance has fallen to this share of the prior's."""
 _N_DRAWS = 500
+"""Resamples of the fleet (estimate: a spread is then known to some per cent)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr, ndtri
 
+from detectors.words.numbers import STUDENT_DEGREES
+
 Array = NDArray[np.float64]
 
 FEWEST_ESTIMATES = 8
@@ -44,9 +46,11 @@ numbers such wear was followed by none of them and 80 % intervals held 64 % of t
 _DRIFTS = (0.3, 1.0, 3.0, 10.0)
 """Drift at the track's end in units of the way to the limit over a life."""
 _HORIZON_LIVES = 10.0
+"""How far is looked ahead, in lives of a typical pump (estimate: beyond ten nobody plans)."""
 _N_TIMES = 240
+"""Instants on the way to the horizon (estimate: finer than the forecast is sharp)."""
 _N_DRAWS = 2000
-_TAIL_DOF = 5.0
+"""Paths that a forecast is drawn from (estimate: its 5 % quantile is then known to half a per cent of probability)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,9 +194,9 @@ def _filtered(track: Array, f: _Filters) -> _Filters:
         innovation = mean - f.level
         total = f.p_ll + noise
         square = innovation**2 / total
-        f.log_evidence -= 0.5 * np.log(total) + 0.5 * (_TAIL_DOF + 1.0) * np.log1p(square / _TAIL_DOF)
+        f.log_evidence -= 0.5 * np.log(total) + 0.5 * (STUDENT_DEGREES + 1.0) * np.log1p(square / STUDENT_DEGREES)
         # an outlier's own error is taken as larger, so that it moves the level less
-        total = f.p_ll + noise * np.maximum(1.0, (_TAIL_DOF + square) / (_TAIL_DOF + 1.0))
+        total = f.p_ll + noise * np.maximum(1.0, (STUDENT_DEGREES + square) / (STUDENT_DEGREES + 1.0))
         gain_l, gain_d = f.p_ll / total, f.p_ld / total
         f.level = f.level + gain_l * innovation
         f.drift = f.drift + gain_d * innovation

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from detectors.reduction.statistics import mean_with_error, without_spikes
+from detectors.words.numbers import LOWEST_PRESSURE_SHARE, MAD_TO_SIGMA
 from detectors.words.signature import Droop, LoadStep
 from twin.parameters import PumpType
 from twin.recording import REQUIRED_CHANNELS, Recording
@@ -22,10 +23,12 @@ DROOP_RATE_HZ = 25.0
 """Rate that faster records are brought down to for the droop: their medians would take room in proportion to its square."""
 SMALLEST_FLOW_LPM = 1.0
 SMALLEST_PRESSURE_BAR = 0.5
+"""Smallest step that counts, of the flow and of the pressure (estimates: clear of noise; half a bar is some 5 L/min)."""
 _SIGMAS = 6.0
+"""Errors that an edge must stand out by (estimate: an hour at 25 Hz has 90,000 places for a false one)."""
 _FEWEST = 8
+"""Samples that a side of a step needs (estimate: two halves of four can be compared)."""
 _FLOWS = ("commanded_flow_lpm", "discharge_flow_lpm")
-_MAD_TO_SIGMA = 1.4826
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +129,7 @@ def _edges(samples: Samples, half: int, smallest: float) -> list[int]:
         return []
     medians = np.median(np.lib.stride_tricks.sliding_window_view(x, half), axis=1)
     jump = medians[half:] - medians[:-half]
-    noise = _MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x)))) / math.sqrt(2.0)
+    noise = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x)))) / math.sqrt(2.0)
     limit = max(smallest, _SIGMAS * noise / math.sqrt(half))
     edges = []
     above = np.abs(jump) >= limit
@@ -161,7 +164,7 @@ def _step(
     after = _side(time, pressure, flow, (edge + (last - edge) // 2, last - guard), step)
     if before is None or after is None:
         return None
-    if min(before.pressure, after.pressure) < 0.85 * pump.limits["zero_flow_pressure_low_bar"].value:
+    if min(before.pressure, after.pressure) < LOWEST_PRESSURE_SHARE * pump.limits["zero_flow_pressure_low_bar"].value:
         return None
     way = pressure[edge : last - guard] - after.pressure
     known = np.isfinite(without_spikes(np.diff(way, prepend=way[0]), 2.0 * after.noise + 1.0)) & np.isfinite(way)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.reduction.statistics import without_spikes
+from detectors.words.numbers import MOST_MISSING
 from detectors.words.signature import ChannelSpectrum, LimitCycle, OrderLine, Spectrum
 from twin.parameters import PumpType
 from twin.recording import Recording
@@ -25,7 +26,6 @@ SAMPLES_PER_HIGHEST_PERIOD = 2.2
 LEAST_REVOLUTIONS = 40
 _PIECE_REVOLUTIONS = 160
 _MOST_PIECES = 16
-_MOST_MISSING = 0.2
 _SPEED_SEARCH = 0.004
 """How far the speed channel may be off [-]."""
 _STANDS_OUT = 4.0
@@ -35,10 +35,14 @@ _BAND = (0.04, 0.85)
 _FLOOR_UNTIL = 6.0
 """Order up to which the white floor is taken: the fit has left no lines there."""
 _FALSE_ALARM = 1.0e-4
+"""Probability that noise alone makes the band's largest line as large (estimate: one burst in ten thousand)."""
 _RIPPLE_STANDS_OUT = 10.0
-_BEAT_KEPT = 0.3
-_BEAT_PERIODS = 8
+"""Errors of the band's sum that its ripple must stand out by to have a frequency (estimate)."""
+_BEAT_KEPT, _BEAT_PERIODS = 0.3, 8
+"""Correlation that a limit cycle keeps over so many periods (estimate: noise of a damped loop has lost it by then)."""
 _DITHER = 1.0 / 3.0
+"""Noise in steps of the resolution from which digitising adds no lines (dither: of the step's bias a third of a step leaves
+``exp(-2 pi^2 / 9)``, a tenth)."""
 
 
 def spectrum(recording: Recording, start_s: float, end_s: float, pump: PumpType) -> Spectrum | None:
@@ -99,7 +103,7 @@ def orders_of(n: int) -> tuple[int, ...]:
 def _usable(part: Recording, speed: Samples, n: int) -> bool:
     """True where the stretch is fast, long and complete enough."""
     known = np.isfinite(speed)
-    if known.mean() < 1.0 - _MOST_MISSING:
+    if known.mean() < 1.0 - MOST_MISSING:
         return False
     shaft_hz = float(np.median(speed[known])) / 60.0
     step = float(np.median(np.diff(part.time_s)))
@@ -107,7 +111,7 @@ def _usable(part: Recording, speed: Samples, n: int) -> bool:
         return False
     if len(part) * step * shaft_hz < LEAST_REVOLUTIONS:
         return False
-    return all(np.isfinite(part[name]).mean() >= 1.0 - _MOST_MISSING for name in PRESSURES)
+    return all(np.isfinite(part[name]).mean() >= 1.0 - MOST_MISSING for name in PRESSURES)
 
 
 def _shaft_angle(time_s: Samples, speed: Samples) -> Samples:

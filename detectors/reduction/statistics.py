@@ -3,12 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.words.numbers import MAD_TO_SIGMA
 from detectors.words.observation import Mean
 
 Samples = NDArray[np.float64]
 
 SPIKE_SIGMAS = 6.0
-_MAD_TO_SIGMA = 1.4826
+"""Robust sigmas from which a sample is a spike (estimate: a normal law shows one in 500 million)."""
 
 
 def without_spikes(samples: Samples, smallest_sigma: float = 0.0) -> Samples:
@@ -22,7 +23,7 @@ def without_spikes(samples: Samples, smallest_sigma: float = 0.0) -> Samples:
     if len(known) < 3:
         return clean
     median = float(np.median(known))
-    sigma = max(_MAD_TO_SIGMA * float(np.median(np.abs(known - median))), smallest_sigma, 1e-12)
+    sigma = max(MAD_TO_SIGMA * float(np.median(np.abs(known - median))), smallest_sigma, 1e-12)
     clean[np.abs(clean - median) > SPIKE_SIGMAS * sigma] = np.nan
     return clean
 

@@ -15,16 +15,19 @@ from numpy.typing import NDArray
 
 from detectors.reduction.statistics import block_means, mean_with_error, without_spikes
 from detectors.reduction.zero import stretches
+from detectors.words.numbers import LOWEST_PRESSURE_SHARE, MAD_TO_SIGMA, MEDIAN_ERROR, MOST_MISSING
 from detectors.words.observation import Mean, Window, WindowKind
 from twin.parameters import PumpType
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, Recording
 
 LOWEST_SPEED_FRACTION = 0.7
-LOWEST_PRESSURE_FRACTION = 0.85
-MOST_MISSING = 0.2
+"""Share of the nominal speed above which the pump counts as turning (estimate: below flight idle, above a run-down)."""
 _SEGMENTS = 4
+"""Parts of a window whose medians must agree (estimate: quarters show a drift and a single step alike)."""
 _FEWEST_FOR_SCATTER = 16
+"""Samples that a scatter needs (estimate: it is then known to a fifth)."""
 _NOISE_SIGMAS = 3.0
+"""Errors of the quarters that a swing may exceed its limit by (estimate: swinging samples alone should hardly ever fail a window)."""
 _CHANNELS = (*REQUIRED_CHANNELS[1:], *(c for c in OPTIONAL_CHANNELS if c != "flight_control_activity"))
 
 
@@ -66,7 +69,7 @@ def _candidates(
     """Blocks in which the pump turns and nobody touches anything, split by commanded flow where it is known."""
     speed = blocks.channels["shaft_speed_rpm"]
     turning = np.nan_to_num(speed) > LOWEST_SPEED_FRACTION * pump.nominal_speed_rpm
-    regulated = pump.limits["zero_flow_pressure_low_bar"].value * LOWEST_PRESSURE_FRACTION
+    regulated = pump.limits["zero_flow_pressure_low_bar"].value * LOWEST_PRESSURE_SHARE
     commanded = blocks.channels.get("commanded_flow_lpm")
     quiet = turning.copy()
     activity = blocks.channels.get("flight_control_activity")
@@ -173,8 +176,8 @@ def _error_of_quarters(values: NDArray[np.float64]) -> float:
     steps = np.diff(values[np.isfinite(values)])
     if len(steps) < _FEWEST_FOR_SCATTER:
         return 0.0
-    sigma = 1.4826 * float(np.median(np.abs(steps))) / math.sqrt(2.0)
-    return 1.2533 * sigma / math.sqrt(len(values) / _SEGMENTS)
+    sigma = MAD_TO_SIGMA * float(np.median(np.abs(steps))) / math.sqrt(2.0)
+    return MEDIAN_ERROR * sigma / math.sqrt(len(values) / _SEGMENTS)
 
 
 def _window(
@@ -194,7 +197,7 @@ def _window(
         if name not in recording:
             continue
         sensor = pump.sensors.get(name)
-        resolution = 0.1 * sensor.full_scale_bar * sensor.repeatability_fs if sensor else 0.0
+        resolution = sensor.resolution_bar if sensor else 0.0
         mean = mean_with_error(recording[name][inside], resolution)
         if mean is not None:
             means[name] = mean

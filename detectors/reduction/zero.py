@@ -74,7 +74,7 @@ def _pump_off_window(
     else:
         difference -= pump.nominal_reservoir_pressure_bar
     sensor = pump.sensors["case_pressure_bar"]
-    resolution = sensor.full_scale_bar * sensor.repeatability_fs
+    resolution = sensor.repeatability_bar
     halves = np.array_split(without_spikes(difference, resolution), 2)
     a, b = (mean_with_error(half, resolution) for half in halves)
     offset = mean_with_error(difference, resolution)
@@ -90,4 +90,4 @@ def _pump_off_window(
 
 def _resolution(pump: PumpType, name: str) -> float:
     sensor = pump.sensors.get(name)
-    return 0.1 * sensor.full_scale_bar * sensor.repeatability_fs if sensor else 0.0
+    return sensor.resolution_bar if sensor else 0.0

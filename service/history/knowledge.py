@@ -147,6 +147,7 @@ _LIGHT = (
 )
 """All that is read of every record, whatever the fold needs; a reduction is a hundred times as much."""
 _MOST_IDS = 500
+"""Ids of one query: SQLite allows 999 bound values in old builds."""
 
 
 def counting_records(session: Session, pump_id: int) -> list[Record]:

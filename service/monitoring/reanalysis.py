@@ -28,6 +28,7 @@ from twin.version import twin_version
 Change = Literal["thresholds_changed", "reference_curve_changed"]
 """What may have changed for all pumps of a scope."""
 _MOST_CHANGES_SHOWN = 50
+"""Changed pumps that a job names; the rest is counted (our choice: a page)."""
 log = structlog.get_logger("casedrain")
 
 

@@ -32,6 +32,7 @@ class Cause:
 
 REPROCESSED = Cause("reprocessed")
 _MOST_IDS = 500
+"""Ids of one query: SQLite allows 999 bound values in old builds."""
 
 
 def refold(

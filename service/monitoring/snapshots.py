@@ -13,6 +13,8 @@ from service.storage.tables import FoldSnapshot
 
 _NEWEST = 2
 _STEPS = (16, 128)
+"""Snapshots behind the newest records, and at the last multiples of so many: a late upload of last week costs at most 16
+records, one of last year 128 (our choice)."""
 log = structlog.get_logger("casedrain")
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from detectors.words.numbers import MOST_MISSING
 from service.errors import Fault, Invalid
 from twin.parameters import PumpType
 from twin.recording import TIME, Recording
@@ -16,11 +17,15 @@ Samples = NDArray[np.float64]
 _SAMPLES_PER_PERIOD = 2.2
 """Samples that a period needs at least: two and a margin for the steepness of any anti-alias filter."""
 _LEAST_SAMPLES = 64
+"""Shortest segment: 32 frequencies, the fewest that make a picture (our choice)."""
 _LEAST_REVOLUTIONS = 10.0
+"""Revolutions that tell order 1 from its neighbours by a tenth of an order."""
 _LONGEST_SEGMENT = 8192
-_MOST_MISSING = 0.2
+"""Samples of a segment: about 1 Hz at 10 kHz, as fine as anybody looks (our choice)."""
 _LONGEST_STEP = 1.5
+"""Step over the median one from which samples are missing: half a step of jitter is none."""
 _SLOWEST_RPM = 60.0
+"""Speed below which the shaft stands (our choice: about 1 % of the H225's pump)."""
 
 
 def channel_spectrum(
@@ -92,10 +97,10 @@ def _stretch(recording: Recording, channel: str, start_s: float, end_s: float) -
 def _filled(time: Samples, samples: Samples, name: str) -> Samples:
     known = np.isfinite(samples)
     missing = 1.0 - float(known.mean())
-    if missing > _MOST_MISSING:
+    if missing > MOST_MISSING:
         raise Invalid(
             f"{100 * missing:.0f} % of {name} are missing in this stretch",
-            [Fault(f"channels.{name}", f"more than {100 * _MOST_MISSING:.0f} % are missing")],
+            [Fault(f"channels.{name}", f"more than {100 * MOST_MISSING:.0f} % are missing")],
         )
     return np.interp(time, time[known], samples[known])
 

@@ -22,6 +22,7 @@ _COLUMNS = {
     "age": Record.flight_hours,
 }
 _ROWS_AT_ONCE = 2000
+"""Rows that a stream fetches at once (our choice)."""
 
 
 def fleet_trend(

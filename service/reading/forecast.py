@@ -15,6 +15,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from detectors.prognosis.passage import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoForecast, forecast
+from detectors.words.numbers import Z_90
 from detectors.words.verdict import State
 from service.history.knowledge import installation_intervals
 from service.history.placement import changes
@@ -29,10 +30,10 @@ SPACING = 5
 SHARED_PART = 0.6
 """Part of the variance shared by all records that is taken off each one's own. Held against simulated lives: with none of
 it no growth was evident where 0.6 L/min had grown, with all of it the 80 % intervals held 57 to 70 % of the truths."""
-Z_90 = 1.645
 _NODES = ((-1.7320508, 1.0 / 6.0), (0.0, 2.0 / 3.0), (1.7320508, 1.0 / 6.0))
 """Gauss-Hermite nodes of a standard normal error, and their shares."""
 _TAIL = 0.05
+"""Probability on either side of the interval that is shown: 90 % as everywhere."""
 
 
 @dataclass(frozen=True, slots=True)

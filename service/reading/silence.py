@@ -17,8 +17,10 @@ _WITHOUT_HABIT = timedelta(days=30)
 """Patience with a pump of too few records to know its habit (our choice)."""
 _GAPS_FOR_A_HABIT = 5
 _NEWEST_RECORDS = 50
+"""Gaps between records from which a habit is known, and the records that it is taken from: a season (our choice)."""
 _PATIENCE = 5.0
 _QUANTILE = 0.9
+"""A silence is unusual from five times the gap that nine in ten stay below (our choice: a stay in the hangar is none)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from service.registry.locks import locked_pump, locked_pumps
 from service.storage.tables import Aircraft, Installation, Pump
 
 MOST_LINES = 100_000
+"""Lines of a file (our choice: more than any fleet has, less than a request can take)."""
 Kind = Literal["pumps", "aircraft", "installations"]
 _Outcome = Literal["created", "changed", "unchanged"]
 

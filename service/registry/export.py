@@ -17,6 +17,7 @@ from service.storage.raw_store import RawStore
 _SECRET_COLUMNS = frozenset({"key_hash", "password_hash", "token_hash", "csrf_token", "secret"})
 """Never leave the database, not even for their owner."""
 _BATCH = 200
+"""Rows that a stream fetches at once (our choice)."""
 
 
 class _Drain(io.RawIOBase):
@@ -52,8 +53,7 @@ def export_stream(database: Database, raw_store: RawStore, operator: str) -> Ite
         for name, table in owned_tables().items():
             with archive.open(f"tables/{name}.jsonl", "w", force_zip64=True) as file:
                 for row in _rows(database, table, operator):
-                    if name == "records":
-                        digests[row["content_hash"]] = None
+                    digests |= {row["content_hash"]: None} if name == "records" else {}
                     file.write(json.dumps(row, default=_as_json).encode() + b"\n")
                     yield drain.taken()
         for digest in digests:

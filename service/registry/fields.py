@@ -30,4 +30,6 @@ Name = Annotated[
 ]
 """A serial number, tail number, position …"""
 Note = Annotated[str, StringConstraints(strip_whitespace=True, max_length=2000), AfterValidator(_printable)]
+"""A few lines by hand (our choice: a page)."""
 Reason = Annotated[Note, StringConstraints(min_length=1)]
+"""A note that cannot be left out."""

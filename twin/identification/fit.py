@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from twin.identification.problem import DEFAULT_PARAMETERS, Parameter, Point, Problem, parameter_of
 from twin.identification.result import Estimate, Identification, PointResidual, Undetermined
+from twin.numbers import Z_90
 from twin.parameters import PumpType
 from twin.pumps.circuits import CIRCUIT_QUANTITIES, CIRCUITS
 
@@ -16,7 +17,6 @@ WEAKEST = 1.0
 """Smallest singular value of the sensitivities per spread: the points must know a combination of parameters better than
 the numbers' sources do."""
 _BESIDE = 0.3
-_Z_90 = 1.6448536269514722
 _POOR_FIT = 0.01
 _FAR = 3.0
 
@@ -217,7 +217,7 @@ def _estimate(parameter: Parameter, value: float, deviation: float) -> Estimate:
     in_unit = value / parameter.per_unit
     margin = 1.0e-6 * parameter.spread
     at_bound = not parameter.low + margin < value < parameter.high - margin
-    half = _Z_90 * deviation
+    half = Z_90 * deviation
     start = parameter.start / parameter.per_unit
     return Estimate(parameter.path, parameter.unit, start, in_unit, deviation, in_unit - half, in_unit + half, at_bound)
 

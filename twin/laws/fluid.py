@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from twin.compiled import compiled
+from twin.numbers import ZERO_FLOW_PRESSURE
 
 P_ATMOSPHERE = 101_325.0
 _LN_10 = math.log(10.0)
@@ -86,14 +87,13 @@ class Film(NamedTuple):
     barus: float
 
 
-_P_FILM = 175.0e5
-
-
 @compiled
 def film_of(fluid: Fluid, T: float) -> Film:
     """Film of a fluid fed at temperature T [K]: exact at no pressure difference and at 175 bar."""
     mu_0 = gap_viscosity(fluid, T, P_ATMOSPHERE, P_ATMOSPHERE)
-    slope = math.log(gap_viscosity(fluid, T, P_ATMOSPHERE + _P_FILM, P_ATMOSPHERE) / mu_0) / _P_FILM
+    slope = (
+        math.log(gap_viscosity(fluid, T, P_ATMOSPHERE + ZERO_FLOW_PRESSURE, P_ATMOSPHERE) / mu_0) / ZERO_FLOW_PRESSURE
+    )
     return Film(mu_0, slope, fluid.alpha_p)
 
 

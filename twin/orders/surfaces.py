@@ -24,6 +24,7 @@ from twin.compiled import compiled
 from twin.condition import INPUTS
 from twin.laws.fluid import P_ATMOSPHERE, density, gap_viscosity
 from twin.laws.gap import annular_gap_flow, land_conductance, port_plate_gap_flow, throttled_land_flow
+from twin.numbers import ZERO_FLOW_BAR
 from twin.parameters import Pump
 from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR, STANDARD_ATMOSPHERE_BAR
 
@@ -77,7 +78,6 @@ SURFACES: tuple[str, ...] = (
 ) = range(len(SURFACES))  # fmt: skip
 """Lines of commutation in bar; those of unevenness in bar per L/min of the vector sum of leakages."""
 N_TERMS = 1 + N_COORDINATES + N_COORDINATES * (N_COORDINATES + 1) // 2 + 5
-_P_ZERO_FLOW = 175.0
 _P_CASE = 1.5 * PA_PER_BAR + P_ATMOSPHERE
 _BY = {name: i for i, name in enumerate(INPUTS)}
 STEPS: Mapping[str, float] = {
@@ -234,7 +234,7 @@ def write_coordinates(pump: Pump, row: Vector, gaps: Vector, clearances: Vector,
     piston, slipper, plate, fluid = pump.piston, pump.slipper, pump.port_plate, pump.fluid
     n = len(gaps)
     T = row[at.TEMPERATURE] + KELVIN_AT_0_DEGC
-    P_d = (_P_ZERO_FLOW + row[at.SETTING_CHANGE]) * PA_PER_BAR + P_ATMOSPHERE
+    P_d = (ZERO_FLOW_BAR + row[at.SETTING_CHANGE]) * PA_PER_BAR + P_ATMOSPHERE
     mu = gap_viscosity(fluid, T, P_d, _P_CASE)
     rho = density(fluid, T, P_ATMOSPHERE)
     G = land_conductance(mu, slipper.h, slipper.diameter_ratio)

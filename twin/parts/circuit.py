@@ -4,10 +4,11 @@ import math
 
 from twin.compiled import compiled
 from twin.laws.lines import return_pressure_drop
+from twin.numbers import ZERO_FLOW_PRESSURE
 
 DP_LAMINAR = 1.0e3
 """Pressure difference below which turbulent passages of the circuit count as laminar [Pa]."""
-P_COUNTED = 175.0e5
+P_COUNTED = ZERO_FLOW_PRESSURE
 """Pressure difference at which leaks with the law of an orifice are counted [Pa]."""
 
 
