@@ -7,13 +7,9 @@ import numpy as np
 
 from detectors.reduction.load_steps import droop_from_rest
 from detectors.reduction.spectrum import spectrum
-from detectors.reduction.windows import (
-    LOWEST_PRESSURE_FRACTION,
-    LOWEST_SPEED_FRACTION,
-    steady_windows,
-    unchanging_channels,
-)
+from detectors.reduction.windows import LOWEST_SPEED_FRACTION, steady_windows, unchanging_channels
 from detectors.reduction.zero import pump_off_zero
+from detectors.words.numbers import LOWEST_PRESSURE_SHARE
 from detectors.words.observation import Reduction, Window, WindowKind
 from detectors.words.signature import Spectrum
 from twin.parameters import PumpType
@@ -48,7 +44,7 @@ def _spectrum(
     time = recording.time_s
     if len(time) < 2 or float(time[-1] - time[0]) >= thresholds["window_minimum_duration_s"]:
         return None
-    regulated = pump.limits["zero_flow_pressure_low_bar"].value * LOWEST_PRESSURE_FRACTION
+    regulated = pump.limits["zero_flow_pressure_low_bar"].value * LOWEST_PRESSURE_SHARE
     for name, lowest in (
         ("shaft_speed_rpm", LOWEST_SPEED_FRACTION * pump.nominal_speed_rpm),
         ("discharge_pressure_bar", regulated),

@@ -312,8 +312,9 @@ def synthetic(study_row: Row) -> Outcome:
 
 
 def test_every_target_finds_its_row_and_its_quantity(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (scoring, summary, calibration_module, delays, lives, operating):
-        monkeypatch.setattr(module, "_N_DRAWS", 10)
+    monkeypatch.setattr(scoring, "_N_DRAWS", 10)
+    for module in (summary, calibration_module, delays, lives, operating):
+        monkeypatch.setattr(module, "N_DRAWS", 10)
     healthy = {r.sensing.burst: r for r in ROWS if r.by_records}
     results = []
     for study_row in ROWS:

@@ -8,8 +8,9 @@ from detectors.evaluation.lives import asked_records
 from detectors.evaluation.sensing import HOURS_PER_FLIGHT
 from detectors.evaluation.study import STATES, Outcome
 from detectors.prognosis.passage import NoForecast
+from detectors.words.numbers import Z_90
 from detectors.words.verdict import ESTIMATES, State
-from service.reading.forecast import METRIC, Z_90, TrendPoint, forecast_of_trend
+from service.reading.forecast import METRIC, TrendPoint, forecast_of_trend
 
 
 def with_forecasts(outcome: Outcome, limit: float) -> Outcome:
