@@ -83,12 +83,12 @@ def measured_windows(
             continue
         zero = observation.reduction.zero
         earlier = found.get(observation.record_id)
-        taken = earlier.measurements if earlier else ()
+        before = earlier.measurements if earlier else ()
         # the zero is one measurement of the record, however many windows it has
-        measurement = _corrected(_measurement(window, zero, anchor, pump, with_zero=not taken), shift)
+        measurement = _corrected(_measurement(window, zero, anchor, pump, with_zero=not before), shift)
         zero_flow = window.kind is WindowKind.ZERO_FLOW
         residuals = _residuals(window, zero, anchor, pump, shift) if zero_flow else {}
-        found[observation.record_id] = Measured((*taken, measurement), residuals, {}, shift.outside)
+        found[observation.record_id] = Measured((*before, measurement), residuals, {}, shift.outside)
     # what the twin follows under load only cannot be judged
     found = {record: m for record, m in found.items() if m.residuals}
     return _with_lines(found, observations, bursts, conditions, windows, pump, circuit)

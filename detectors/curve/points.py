@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from detectors.expectation.residuals import case_noise_sd, discharge_noise_sd, matching_condition, reservoir_noise_sd
 from detectors.words.numbers import Z_90
 from detectors.words.observation import Observation, Window
-from twin.condition import Condition, Health, OperatingPoints, input_rows
+from twin.condition import INPUTS, Condition, Health, OperatingPoints, input_rows
 from twin.operating_point import operating_points
 from twin.parameters import Circuit, PumpType
 
@@ -163,7 +163,7 @@ def _points(
     own = [matching_condition(w, pump) for _, w in seen]
     rows = input_rows([*own, condition], [Health()] * (len(own) + 1))
     twin = operating_points(pump.pump, rows, circuit)
-    plane = _plane(twin, rows[:, 2])
+    plane = _plane(twin, rows[:, INPUTS.index("reservoir_pressure_bar")])
     points = []
     for (observation, window), condition_there, healthy in zip(seen, own, plane[:-1], strict=True):
         zero = observation.reduction.zero

@@ -96,16 +96,16 @@ def model_of(plan: Plan, pump: PumpType, circuit: Circuit) -> Model:
         last = slice(n_windows - 1, None, n_windows)
         law = rows[last, COLUMN["system_law"]]
         amplitudes, relative = ripples(conditions[last], pump, circuit, surfaces, law)
-    flights, shown, worn = [], [], -math.inf
+    flights, pressures_seen, worn = [], [], -math.inf
     for i in range(n_flights):
         own = slice(i * n_windows, (i + 1) * n_windows)
         windows = list(_linearised(rows[own], mean, relative[i]))
         loaded = under_load.get(i, rows[:0])
         windows += _linearised(loaded, mean, relative[i])
         flights.append(_flight(plan, windows, np.vstack((rows[own], loaded)), amplitudes[i], pump))
-        shown += [y for y, _, _ in windows]
+        pressures_seen += [y for y, _, _ in windows]
         worn = max(worn, *(case for _, _, case in windows))
-    healthy = np.array(shown)
+    healthy = np.array(pressures_seen)
     tank = _SIGMAS * pump.population["reservoir_pressure_bar"].value
     _hold(plan, pump, healthy.max(axis=0), tank)
     pressures = (float(healthy[:, CASE].min()), float(worn + tank))

@@ -18,7 +18,7 @@ records, one of last year 128 (our choice)."""
 log = structlog.get_logger("casedrain")
 
 
-def wanted(n: int) -> set[int]:
+def snapshot_places(n: int) -> set[int]:
     """Numbers of records behind which a history of ``n`` records keeps a snapshot.
 
     The two newest, so that a correction of the last record is cheap, and the last two multiples of each step: a record
@@ -62,7 +62,7 @@ def missing(session: Session, pump_id: int, links: Sequence[str], start: Start |
     What no longer holds, or is not wanted any more, is removed.
     """
     after = start.records if start else 0
-    places = wanted(len(links))
+    places = snapshot_places(len(links))
     query = select(FoldSnapshot.id, FoldSnapshot.records, FoldSnapshot.chain).where(FoldSnapshot.pump_id == pump_id)
     # one before the start that holds is good; behind it a fold makes its own, also in place of a damaged one
     held = [row for row in session.execute(query) if row.records <= after and row.chain == links[row.records - 1]]

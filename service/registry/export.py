@@ -33,7 +33,7 @@ class _Drain(io.RawIOBase):
         self._parts.append(bytes(data))
         return len(data)
 
-    def taken(self) -> bytes:
+    def fresh_bytes(self) -> bytes:
         """Bytes since the last call."""
         found = b"".join(self._parts)
         self._parts.clear()
@@ -55,7 +55,7 @@ def export_stream(database: Database, raw_store: RawStore, operator: str) -> Ite
                 for row in _rows(database, table, operator):
                     digests |= {row["content_hash"]: None} if name == "records" else {}
                     file.write(json.dumps(row, default=_as_json).encode() + b"\n")
-                    yield drain.taken()
+                    yield drain.fresh_bytes()
         for digest in digests:
             try:
                 content = raw_store.get(digest)
@@ -63,10 +63,10 @@ def export_stream(database: Database, raw_store: RawStore, operator: str) -> Ite
                 missing.append(f"{digest}: {problem.detail}")
                 continue
             archive.writestr(f"raw/{digest}", content)
-            yield drain.taken()
+            yield drain.fresh_bytes()
         if missing:
             archive.writestr("missing.txt", "\n".join(missing) + "\n")
-    yield drain.taken()
+    yield drain.fresh_bytes()
 
 
 def _rows(database: Database, table: Table, operator: str) -> Iterator[dict[str, Any]]:

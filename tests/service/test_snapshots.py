@@ -15,8 +15,8 @@ from service.alarms.ledger import points_of
 from service.context import Context
 from service.history import knowledge
 from service.monitoring.refold import refold
-from service.monitoring.snapshots import wanted
 from service.running import opened
+from service.monitoring.snapshots import snapshot_places
 from service.settings import Settings
 from service.storage.tables import FoldSnapshot, MaintenanceEvent, Record, StoredAssessment
 from service.web.app import create_app
@@ -81,10 +81,10 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_a_history_keeps_few_snapshots_and_what_it_keeps_it_had() -> None:
     for n in range(1, 2000):
-        assert len(wanted(n)) <= 6
-        assert wanted(n) <= wanted(n - 1) | {n}
-    assert wanted(0) == set()
-    assert wanted(1000) == {1000, 999, 992, 976, 896, 768}
+        assert len(snapshot_places(n)) <= 6
+        assert snapshot_places(n) <= snapshot_places(n - 1) | {n}
+    assert snapshot_places(0) == set()
+    assert snapshot_places(1000) == {1000, 999, 992, 976, 896, 768}
 
 
 def test_appending_late_and_corrected_records_read_only_what_follows(
@@ -92,7 +92,7 @@ def test_appending_late_and_corrected_records_read_only_what_follows(
 ) -> None:
     late = flights[N - 6]
     store(context, [o for o in flights[: N - 1] if o is not late], SERIAL, OPERATOR)
-    assert set(kept(context)) == wanted(N - 2)
+    assert set(kept(context)) == snapshot_places(N - 2)
     read.clear()
     store(context, flights[N - 1 :], SERIAL, OPERATOR)
     assert len(read) == 1
@@ -105,7 +105,7 @@ def test_appending_late_and_corrected_records_read_only_what_follows(
     read.clear()
     again(context)
     assert read == [last.id]
-    assert set(kept(context)) == wanted(N)
+    assert set(kept(context)) == snapshot_places(N)
     read.clear()
     again(context)
     assert read == []
@@ -127,7 +127,7 @@ def test_other_chains_and_damaged_bytes_are_ignored(context: Context, flights: S
     (line,) = [entry for entry in logs if entry["event"] == "snapshot ignored"]
     assert (line["log_level"], line["records"]) == ("warning", 20)
     stored = assessments(context)
-    assert set(kept(context)) == wanted(21)
+    assert set(kept(context)) == snapshot_places(21)
     assert stored == from_scratch(context)
 
 
@@ -175,7 +175,7 @@ def test_histories_older_than_snapshots_are_taken_over(context: Context, flights
         assert points_of(session, locked(session, SERIAL, OPERATOR).id) == points
     again(context)
     assert assessments(context) == stored
-    assert set(kept(context)) == wanted(12)
+    assert set(kept(context)) == snapshot_places(12)
 
 
 def test_snapshots_survive_a_restart_and_go_with_their_operator(
@@ -193,5 +193,5 @@ def test_snapshots_survive_a_restart_and_go_with_their_operator(
         url = f"/api/v1/operators/{OPERATOR}"
         gone = client.request("DELETE", url, params={"reason": "they left", "confirm": OPERATOR})
         assert gone.status_code == 200, gone.text
-        assert gone.json()["receipt"]["rows"]["fold_snapshots"] == len(wanted(11))
-        assert set(kept(after)) == wanted(3)
+        assert gone.json()["receipt"]["rows"]["fold_snapshots"] == len(snapshot_places(11))
+        assert set(kept(after)) == snapshot_places(3)
