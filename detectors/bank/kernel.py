@@ -63,20 +63,20 @@ def predicted(
     pressures(anchor, full, y, slopes)
     H[:n_rows, :] = 0.0
     for j in range(N_COMPONENTS):
-        H[0, place(j)], H[1, place(j)] = slopes[0, j], slopes[1, j]
-    y[1] += full[CASE_OFFSET]
-    H[1, CASE_OFFSET] = 1.0
-    y[2] = full[CASE_OFFSET] + full[RESERVOIR]
-    H[2, CASE_OFFSET], H[2, RESERVOIR] = 1.0, 1.0
+        H[DISCHARGE, place(j)], H[CASE, place(j)] = slopes[DISCHARGE, j], slopes[CASE, j]
+    y[CASE] += full[CASE_OFFSET]
+    H[CASE, CASE_OFFSET] = 1.0
+    y[ZERO] = full[CASE_OFFSET] + full[RESERVOIR]
+    H[ZERO, CASE_OFFSET], H[ZERO, RESERVOIR] = 1.0, 1.0
     if n_rows > RIPPLE:
         for r in range(2):
             gain = math.exp(full[LN_RIPPLE + r])
             ratio = 1.0
             for j in range(N_COMPONENTS):
                 ratio += ripple[r, j] * full[j]
-                H[3 + r, place(j)] = gain * ripple[r, j]
-            y[3 + r] = gain * ratio
-            H[3 + r, place(LN_RIPPLE + r)] += gain * ratio
+                H[RIPPLE + r, place(j)] = gain * ripple[r, j]
+            y[RIPPLE + r] = gain * ratio
+            H[RIPPLE + r, place(LN_RIPPLE + r)] += gain * ratio
         y[LINE] = abs(full[ONCE])
         H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
     for j in range(N_COMPONENTS):
