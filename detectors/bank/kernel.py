@@ -20,7 +20,7 @@ from detectors.expectation.components import (
 )
 from detectors.expectation.reduced_twin import pressures
 from detectors.words.numbers import STUDENT_DEGREES
-from twin.compiled import compiled
+from twin.compiled import compiled, inlined
 
 N_MEASURED = 6
 """Discharge pressure, case pressure, zero of the case sensor, order n of both pressures, line at once per turn."""
@@ -136,7 +136,7 @@ def scratch() -> Scratch:
     return Scratch(np.empty((3 * N_MEASURED + 4, N_SLOPES)), np.empty((3 * N_MEASURED + 5, N_MEASURED)))
 
 
-@compiled
+@inlined
 def take(
     m: Array,
     P: Array,
@@ -225,7 +225,7 @@ def take(
     return log_density
 
 
-@compiled
+@inlined
 def _projected(off: float, h: Array, m: Array, P: Array, point: Array, n: int, row: Array) -> float:
     """``row = h P`` over the living n; what is left of ``off``, measured at ``point``, at the mean."""
     for j in range(n):
