@@ -110,5 +110,5 @@ def _packed_type() -> Any:
 def _parts(bank: Bank) -> dict[str, Any]:
     """Every number and array of a bank by its name; what was learnt and the pump apart."""
     own = {f.name: getattr(bank, f.name) for f in fields(Bank) if f.name not in _APART}
-    shapes = {"filters": bank.filters, "base": bank.base, "charts": bank.regulation.charts}
+    shapes: dict[str, Any] = {"filters": bank.filters, "base": bank.base, "charts": bank.regulation.charts}
     return own | {f"{name}.{part}": value for name, shape in shapes.items() for part, value in shape._asdict().items()}

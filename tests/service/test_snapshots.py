@@ -15,8 +15,8 @@ from service.alarms.ledger import points_of
 from service.context import Context
 from service.history import knowledge
 from service.monitoring.refold import refold
-from service.running import opened
 from service.monitoring.snapshots import snapshot_places
+from service.running import opened
 from service.settings import Settings
 from service.storage.tables import FoldSnapshot, MaintenanceEvent, Record, StoredAssessment
 from service.web.app import create_app
