@@ -23,6 +23,9 @@ ENV PATH=/opt/casedrain/bin:$PATH \
     CASEDRAIN_AUTH=on \
     MPLCONFIGDIR=/tmp/matplotlib
 USER casedrain
+# docker build --build-arg COMMIT=$(git rev-parse HEAD): what verdicts and /readyz say that they were made by
+ARG COMMIT=
+ENV CASEDRAIN_COMMIT=${COMMIT}
 WORKDIR /var/lib/casedrain
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=8s --start-period=60s --retries=6 \

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from benchmarks import keep
+from detectors.judgement.version import twin_version
 from twin.condition import Condition, Health, input_rows
 from twin.orders.surfaces import (
     D_1,
@@ -40,7 +41,6 @@ from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.layout import THETA
 from twin.simulation.run import DEFAULT_STEP_S, simulate
 from twin.simulation.scenario import Scenario, Value
-from twin.version import twin_version
 
 Matrix = NDArray[np.float64]
 

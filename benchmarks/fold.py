@@ -17,9 +17,9 @@ from detectors.evaluation.rows import LEAKS, Growing
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
 from detectors.judgement.assessment import assess
+from detectors.judgement.version import twin_version
 from detectors.words.thresholds import effective
 from twin.pumps import circuit_parameters, pump_type
-from twin.version import twin_version
 
 N_PUMPS, N_FLIGHTS, SEED = 100, 200, 1
 LIMIT_MS = 0.3

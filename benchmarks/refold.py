@@ -22,6 +22,7 @@ from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.rows import LEAKS, Growing
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
+from detectors.judgement.version import twin_version
 from detectors.words.observation import Observation
 from service.context import Context
 from service.history.analysis import analysis_key
@@ -34,7 +35,6 @@ from service.storage.database import upgrade
 from service.storage.tables import ANALYSED, FoldSnapshot, Pump, Record
 from service.thresholds.layers import thresholds_of
 from twin.pumps import pump_type
-from twin.version import twin_version
 
 SIZES, REPEATS, LATE_BY = (100, 1000), 5, 20
 

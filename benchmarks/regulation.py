@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import keep
+from detectors.judgement.version import twin_version
 from detectors.reduction.spectrum import spectrum
 from twin.condition import Condition, Health
 from twin.laws.metering_edge import MARE
@@ -24,7 +25,6 @@ from twin.recording import Recording
 from twin.simulation.run import simulate
 from twin.simulation.scenario import Scenario, Schedule, Value
 from twin.validation.erosion import closed_centre
-from twin.version import twin_version
 
 KIND = pump_type("h225")
 CIRCUIT = circuit_parameters("shared_return")

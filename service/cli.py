@@ -1,5 +1,6 @@
 """The command line."""
 
+import json
 import sys
 import time
 from pathlib import Path
@@ -13,7 +14,6 @@ from rich.progress import Progress, track
 from rich.table import Table
 
 from detectors.curve.picture import curve_svg
-from service import __version__
 from service.cli_administration import db_app, keys_app, users_app
 from service.cli_studies import app as studies
 from service.client import Client, RefusedError
@@ -36,19 +36,21 @@ Key = Annotated[str | None, typer.Option(envvar="CASEDRAIN_KEY", help="API key")
 Port = Annotated[int, typer.Option(help="Port to listen on")]
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
-        console.print(f"casedrain {__version__}", highlight=False)
-        raise typer.Exit
-
-
-@app.callback()
+@app.callback(invoke_without_command=True)
 def main(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show release and commit.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="With --version: release, commit and sources")] = False,
 ) -> None:
     """Condition monitoring of hydraulic pumps."""
+    if version:
+        from service.identity import in_words, software  # noqa: PLC0415 - only here is git asked and code hashed
+
+        typer.echo(json.dumps(software().to_json()) if as_json else in_words())
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        raise typer.Exit
     structlog.configure(
         processors=[
             structlog.contextvars.merge_contextvars,

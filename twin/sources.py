@@ -9,6 +9,7 @@ import ast
 import functools
 import hashlib
 from pathlib import Path
+from typing import NamedTuple
 
 _ROOT = Path(__file__).resolve().parent.parent
 _PACKAGES = ("twin", "detectors", "service")
@@ -16,6 +17,13 @@ _HEX = 16
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 _SILENT = frozenset({"ctx", "kind", "type_comment", "type_ignores"})
 """Fields of a syntax tree that say nothing, or only what their place says."""
+
+
+class _Source(NamedTuple):
+    """What a module's source says: modules of this project that it imports, and the hash of its syntax tree."""
+
+    imports: tuple[str, ...]
+    hash: str
 
 
 @functools.cache
@@ -45,7 +53,7 @@ def sources_hash(*modules: str) -> str:
     digest = hashlib.sha256()
     names = imported_modules(*modules)
     for name in names:
-        digest.update(f"{name} {_module_hash(name)};".encode())
+        digest.update(f"{name} {_read(name).hash};".encode())
     for folder in sorted({_path(name).parent for name in names}):
         for file in _data_files(folder):
             digest.update(f"{file.name} ".encode())
@@ -94,7 +102,7 @@ def imported_modules(*modules: str) -> tuple[str, ...]:
         name = waiting.pop()
         if name not in found:
             found.add(name)
-            waiting.extend(_imports(name))
+            waiting.extend(_read(name).imports)
     return tuple(sorted(found))
 
 
@@ -112,28 +120,24 @@ def _file(module: str) -> Path | None:
 
 
 @functools.cache
-def _tree(module: str) -> ast.Module:
-    return ast.parse(_path(module).read_bytes())
+def _read(module: str) -> _Source:
+    """A module parsed once; its tree, which is a hundred times as large, is not kept."""
+    tree = ast.parse(_path(module).read_bytes())
+    pieces: list[str] = []
+    _write(tree, pieces)
+    return _Source(_imports(tree), hashlib.sha256("".join(pieces).encode()).hexdigest())
 
 
-@functools.cache
-def _imports(module: str) -> tuple[str, ...]:
-    """Modules of this project that a module's source imports by name; a package that is passed through counts."""
+def _imports(tree: ast.Module) -> tuple[str, ...]:
+    """Modules of this project that a source imports by name; a package that is passed through counts."""
     names: set[str] = set()
-    for node in ast.walk(_tree(module)):
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             # what is imported may itself be a module
             names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
     return tuple(sorted(n for n in names if n.partition(".")[0] in _PACKAGES and _file(n) is not None))
-
-
-@functools.cache
-def _module_hash(module: str) -> str:
-    pieces: list[str] = []
-    _write(_tree(module), pieces)
-    return hashlib.sha256("".join(pieces).encode()).hexdigest()
 
 
 def _write(node: ast.AST, pieces: list[str]) -> None:

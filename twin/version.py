@@ -1,19 +1,35 @@
-"""Identity of the twin behind a verdict: the model code's number and the parameter set's own hash."""
+"""Identity of a parameter set: a hash over the numbers of a pump type and of the circuits around it."""
 
 import hashlib
+from collections.abc import Mapping
 
-from twin.parameters import PumpType
+from twin.parameters import PumpType, Quantity
 from twin.pumps.circuits import CIRCUIT_QUANTITIES
 
-MODEL_NUMBER = 4
-"""Raised by hand whenever equations or the judge's built-in priors change what comes out of the same numbers."""
+_HEX = 8
 
 
-def twin_version(pump: PumpType) -> str:
-    """Version of the twin of one pump type, e.g. ``h225-1-5f3c09ab``; the same on every machine."""
+def numbers_hash(pump: PumpType) -> str:
+    """Hash over every number of a pump type: laws, limits, spreads, sensors and nominal values.
+
+    Its name, title and the sources of its numbers are no part of it: a copy under another name has the same.
+
+    Returns
+    -------
+    str
+        8 hexadecimal digits, the same on every machine.
+    """
     digest = hashlib.sha256()
-    groups = (pump.quantities, pump.limits, pump.population, *CIRCUIT_QUANTITIES.values())
+    groups: tuple[Mapping[str, Quantity], ...] = (
+        pump.quantities,
+        pump.limits,
+        pump.population,
+        *CIRCUIT_QUANTITIES.values(),
+    )
     for group in groups:
         for name in sorted(group):
             digest.update(f"{name}={group[name].value!r} {group[name].unit} {group[name].uncertainty!r};".encode())
-    return f"{pump.name}-{MODEL_NUMBER}-{digest.hexdigest()[:8]}"
+    for channel in sorted(pump.sensors):
+        digest.update(f"{channel}={pump.sensors[channel]!r};".encode())
+    digest.update(f"nominal {pump.nominal_speed_rpm!r} rpm {pump.nominal_reservoir_pressure_bar!r} bar".encode())
+    return digest.hexdigest()[:_HEX]

@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import exists, select
+from sqlalchemy import exists, or_, select
 from sqlalchemy.orm import Session
 
 from detectors.words.states import QUIET
 from service.alarms.life_cycle import PRIORITIES, Action, Life, Point, lives, rules_of
 from service.alarms.reading import shown
+from service.identity import release_number
 from service.notifications.outbox import Event, announce
 from service.storage.database import Database
 from service.storage.tables import Alarm, AlarmAction, Pump, Record, StoredAssessment, case_flow_of
@@ -48,12 +49,13 @@ def follow(session: Session, pump: Pump, thresholds: Mapping[str, float]) -> Non
 def catch_up(database: Database) -> int:
     """Raise the alarms of pumps whose history was folded before there were alarms; gives how many pumps.
 
-    Safe to repeat: a pump that has alarms is left alone.
+    Safe to repeat: a pump that has alarms is left alone, and so is one that a newer release has judged.
     """
     faulty = select(StoredAssessment.pump_id).where(StoredAssessment.state.not_in([s.value for s in QUIET])).distinct()
     without = ~exists().where(Alarm.pump_id == Pump.id)
     with database.reading() as session:
-        pump_ids = list(session.scalars(select(Pump.id).where(Pump.id.in_(faulty), without).order_by(Pump.id)))
+        ours = or_(Pump.made_by.is_(None), Pump.made_by <= release_number())
+        pump_ids = list(session.scalars(select(Pump.id).where(Pump.id.in_(faulty), without, ours).order_by(Pump.id)))
     for pump_id in pump_ids:
         with database.writing() as session:
             pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()

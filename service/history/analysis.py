@@ -5,18 +5,18 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from detectors.expectation.residuals import window_residuals
-from detectors.reduction.recording import reduce_recording
 from detectors.words.flights import Outline
-from detectors.words.observation import Observation, Window, WindowKind
-from service.history.codec import reduction_from_json, reduction_to_json, residuals_to_json
+from detectors.words.observation import Observation
+from service.history import reduced
+from service.history.codec import reduction_from_json
 from service.history.placement import Place
 from service.history.setting import Setting
+from service.identity import software
 from service.storage.tables import Record
 from service.thresholds.layers import Effective
 from twin.parameters import PumpType
 from twin.recording import Recording
-from twin.version import twin_version
+from twin.version import numbers_hash
 
 _WINDOW_KEYS = ("window_", "pump_off_")
 
@@ -31,32 +31,28 @@ class RecordAnalysis:
 
 
 def keep_analysis(row: Record, analysis: RecordAnalysis) -> None:
-    """Write an analysis into its record's row."""
+    """Write an analysis into its record's row, in the name of this software."""
     row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
+    row.reduced_by = software().to_json()
 
 
 def analysed(recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective) -> RecordAnalysis:
     """Reduce a recording and compare its windows with the twin."""
-    pump, circuit = setting.pump_type(kind), setting.circuit_parameters
-    reduction = reduce_recording(recording, pump, thresholds.values)
-    residuals = {
-        str(i): residuals_to_json(window_residuals(window, reduction.zero, pump, circuit))
-        for i, window in enumerate(reduction.windows)
-        if _is_comparable(window)
-    }
-    key = analysis_key(kind, setting, thresholds)
-    return RecordAnalysis(key, reduction_to_json(reduction), residuals)
+    made = reduced.reduced(recording, setting.pump_type(kind), setting.circuit_parameters, thresholds.values)
+    return RecordAnalysis(analysis_key(kind, setting, thresholds), made.reduction, made.residuals)
 
 
 def analysis_key(kind: PumpType, setting: Setting, thresholds: Effective) -> str:
-    """Key of everything that a record's reduction and residuals depend on besides its bytes."""
+    """Key of everything that a record's reduction and residuals depend on besides its bytes.
+
+    Sources of the code that makes them, every number of the pump type as its aircraft has it, surroundings, and
+    thresholds of windows.
+    """
+    pump = setting.pump_type(kind)
     windows = sorted((k, v) for k, v in thresholds.values.items() if k.startswith(_WINDOW_KEYS))
-    parts = (twin_version(kind), setting, windows)
+    numbers = (numbers_hash(pump), pump.pump.fluid, setting.circuit_parameters)
+    parts = (reduced.sources(), kind.name, numbers, setting, windows)
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
-
-
-def _is_comparable(window: Window) -> bool:
-    return window.accepted and window.kind is not WindowKind.PUMP_OFF
 
 
 def observation_of(row: Record, place: Place, reduction: dict[str, Any]) -> Observation:

@@ -43,7 +43,15 @@ def trend_to_json(trend: Mapping[str, Estimate]) -> dict[str, Any]:
     return document
 
 
-def verdict_to_json(verdict: Verdict, twin_version: str, threshold_version: int) -> dict[str, Any]:
-    """Verdict in the shape of the API."""
+def verdict_to_json(
+    verdict: Verdict, twin_version: str, threshold_version: int, software: Mapping[str, str | None]
+) -> dict[str, Any]:
+    """Verdict in the shape of the API; ``software`` names what made it and is no part of two verdicts being equal."""
     document: dict[str, Any] = _dumped(_VERDICT, verdict)
-    return document | {"twin_version": twin_version, "threshold_version": threshold_version}
+    versions = {"twin_version": twin_version, "threshold_version": threshold_version}
+    return document | versions | {"software": dict(software)}
+
+
+def same_verdict(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """True where two verdicts in the shape of the API say the same, whichever software made them."""
+    return {**one, "software": None} == {**other, "software": None}

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, TypeVar
 from sqlalchemy import ColumnElement, Row, or_, select
 from sqlalchemy.orm import Session
 
+from detectors.judgement.version import twin_version
 from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Observation
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
@@ -31,7 +32,6 @@ from service.storage.tables import (
     RegistryVersion,
 )
 from service.thresholds.layers import Effective, thresholds_of
-from twin.version import twin_version
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 AnyRow: TypeAlias = Row[*tuple[Any, ...]]
@@ -78,6 +78,7 @@ def knowledge(
     thresholds: Effective | None = None,
     reduce_anew: bool = False,
     pump_type_name: str | None = None,
+    most_anew: int | None = None,
 ) -> Knowledge:
     """Gather what is known of a pump; no reduction is read that was made as it would be made now.
 
@@ -92,6 +93,8 @@ def knowledge(
         Read every record again from its raw bytes, where they are kept.
     pump_type_name
         Parameter set of the twin that stands in for the pump's own; None for its own.
+    most_anew
+        Stop behind so many new analyses: they are all that is of use then. None for no bound.
     """
     rows = session.execute(select(*_LIGHT).where(*_counting(pump.id, known_at))).all()
     name, registered = _kind(session, pump, rows, known_at)
@@ -105,6 +108,8 @@ def knowledge(
     older = [row.id for row in rows if row.reduction_digest is None]
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
     for row in rows:
+        if len(anew) == most_anew:
+            break
         if row.started_at is None:
             raise RuntimeError(f"record {row.id} counts without a start")
         place = place_at(intervals, row.aircraft or "", row.position or "", row.started_at)

@@ -2,12 +2,13 @@
 
 from typing import Any
 
+from detectors.judgement.version import twin_version
 from detectors.judgement.wording import advice
 from detectors.words.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
 from service.history.codec import verdict_to_json
+from service.identity import software
 from service.thresholds.layers import Effective
 from twin.parameters import PumpType
-from twin.version import twin_version
 
 
 def empty_verdict(kind: PumpType, thresholds: Effective) -> dict[str, Any]:
@@ -29,4 +30,4 @@ def empty_verdict(kind: PumpType, thresholds: Effective) -> dict[str, Any]:
         advice=advice(state, (), {}, thresholds.values["case_flow_limit_lpm"], missing),
         resolving_measurement=None,
     )
-    return verdict_to_json(verdict, twin_version(kind), thresholds.version)
+    return verdict_to_json(verdict, twin_version(kind), thresholds.version, software().to_json())

@@ -13,7 +13,7 @@ from service.ingest.mapping_version import MappingVersion
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.monitoring.acceptance import Upload
 
-ANALYSED, KNOWN, REFUSED = "analysed", "known", "refused"
+ANALYSED, KNOWN, REFUSED, STORED = "analysed", "known", "refused", "stored"
 
 
 class BulkImportParameters(Parameters):
@@ -58,4 +58,5 @@ class BulkImport(Kind[BulkImportParameters, Archive]):
             if problem.status >= HTTPStatus.INTERNAL_SERVER_ERROR:  # ours, not the fault of the member
                 raise
             return Item(name, REFUSED, {"record_id": None, "problem": problem.body()})
-        return Item(name, KNOWN if accepted.known else ANALYSED, {"record_id": accepted.record_id, "problem": None})
+        status = KNOWN if accepted.known else STORED if accepted.waiting else ANALYSED
+        return Item(name, status, {"record_id": accepted.record_id, "problem": None})

@@ -9,15 +9,16 @@ from pydantic import Field, model_validator
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
+from detectors.judgement.version import twin_version
 from service.errors import Fault, Invalid, NotFound, Unavailable
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
+from service.monitoring.precedence import HeldByNewerError
 from service.monitoring.reanalysis import Change, PumpChange, Wanted, cause_of, pumps_of, rehearsed, reprocessed
 from service.monitoring.refold import REPROCESSED
 from service.pump_types.parameter_sets import types
 from service.storage.tables import Pump
 from service.thresholds.layers import Scope
 from service.thresholds.pins import newest_number
-from twin.version import twin_version
 
 
 class ReprocessParameters(Parameters):
@@ -81,7 +82,11 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
         kind = None
         if asked.twin_version is not None:
             with work.context.database.reading() as session:
-                kind = twin_versions(session, work.operator)[asked.twin_version]
+                kind = twin_versions(session, work.operator).get(asked.twin_version)
+            if kind is None:
+                raise Invalid(
+                    f"the twin {asked.twin_version} is of another release: ask again with one of this release"
+                )
         wanted = Wanted(asked.threshold_version, kind, work.principal.owner)
         database, archive = work.context.database, work.context.archive
         reduce_anew = asked.only == "everything"
@@ -166,7 +171,8 @@ def _answered(work: Work[Any], pump_id: int, changed: Callable[[], PumpChange]) 
         with work.context.database.reading() as session:
             pump = session.get_one(Pump, pump_id)
         names = {"pump": pump.serial, "operator": pump.operator}
-        return Item(pump.serial, "failed", {**names, "problem": problem.body()})
+        status = "left" if isinstance(problem, HeldByNewerError) else "failed"
+        return Item(pump.serial, status, {**names, "problem": problem.body()})
     alarms = any(change.alarms.values())
     return Item(
         change.serial, "changed" if change.n_changed or alarms else "unchanged", jsonable_encoder(change.to_json())

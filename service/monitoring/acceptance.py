@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
@@ -20,11 +20,14 @@ from service.history.analysis import analysed, keep_analysis
 from service.history.archive import Archive, RegisteredType
 from service.history.arrival import known_aircraft
 from service.history.knowledge import setting_of
+from service.identity import release_number
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.metadata import TypeLookup
 from service.ingest.parse import check_type
+from service.monitoring.precedence import made_with, newer_release
 from service.monitoring.refold import Cause, refold
+from service.monitoring.renewal import reduced_again
 from service.pump_types.parameter_sets import find_type, held_type
 from service.storage.database import Database
 from service.storage.spool import SpooledFile
@@ -50,10 +53,14 @@ class Upload:
 
 @dataclass(frozen=True, slots=True)
 class Accepted:
-    """Id of the record, and whether it was known before."""
+    """Id of the record, and whether it was known before.
+
+    ``waiting`` is True for one that is stored and left to processes of the newer release that has judged its pump.
+    """
 
     record_id: str
     known: bool
+    waiting: bool = False
 
 
 class Acceptance:
@@ -119,8 +126,16 @@ class Acceptance:
     def pending(self) -> list[str]:
         """Ids of records that are stored but not analysed yet, oldest first."""
         with self._database.reading() as session:
-            query = select(Record.id).where(Record.status == STORED).order_by(Record.received_at, Record.id)
+            query = (
+                select(Record.id).where(Record.status == STORED, _is_for_us()).order_by(Record.received_at, Record.id)
+            )
             return list(session.scalars(query))
+
+    def left(self) -> list[str]:
+        """Ids of records that older processes have left to this release or an older one, oldest first."""
+        with self._database.reading() as session:
+            query = select(Record.id).where(Record.status == STORED, Record.waits_for <= release_number())
+            return list(session.scalars(query.order_by(Record.received_at, Record.id)))
 
     def process(self, record_id: str) -> None:
         """Analyse a stored record: it becomes ``analysed`` or ``refused``. Safe to repeat."""
@@ -184,7 +199,7 @@ class Acceptance:
             return Accepted(record_id, known=True)
         # the bytes are safe from here on; a crash leaves a stored record that the next start analyses
         try:
-            self._finish(record_id, decoded, operator)
+            waiting = not self._finish(record_id, decoded, operator)
         except Problem:
             with self._database.writing() as session:
                 stored = session.get(Record, record_id)
@@ -195,12 +210,16 @@ class Acceptance:
             if known is not None:
                 return Accepted(known, known=True)
             raise
-        return Accepted(record_id, known=False)
+        return Accepted(record_id, known=False, waiting=waiting)
 
-    def _finish(self, record_id: str, decoded: DecodedRecord, operator: str) -> None:
-        """Analyse, then store everything about the record and its pump's new verdicts in one transaction."""
+    def _finish(self, record_id: str, decoded: DecodedRecord, operator: str) -> bool:
+        """Analyse, then store everything about the record and its pump's new verdicts in one transaction.
+
+        False where a newer release has judged the pump: the record stays stored and waits for one of its processes.
+        """
         metadata = decoded.metadata
         serial, started_at = metadata.pump_serial, metadata.started_at
+        self._renew(operator, serial)
         with self._database.reading() as session:
             held = _pump(session, operator, serial)
             name = held.pump_type if held else (metadata.pump_type or DEFAULT_PUMP_TYPE)
@@ -215,7 +234,11 @@ class Acceptance:
                 known_aircraft(session, operator, metadata.aircraft)
                 row = session.get(Record, record_id, populate_existing=True)
                 if row is None or row.status != STORED:
-                    return
+                    return True
+                newer = newer_release(session, pump.id)
+                if newer is not None:
+                    row.waits_for = release_number(newer)
+                    return False
                 _check_flight(session, decoded, operator, row.supersedes)
                 if row.supersedes:
                     older = session.get(Record, row.supersedes)
@@ -231,13 +254,21 @@ class Acceptance:
                 mapping = MappingVersion.from_json(row.request["mapping"]) if row.request.get("mapping") else None
                 row.identity_hash = _identity_hash(operator, row.content_hash, decoded, mapping)
                 keep_analysis(row, analysis)
-                row.status = ANALYSED
+                row.status, row.waits_for = ANALYSED, None
                 session.flush()
                 refold(session, pump, self._archive, Cause("record_received", record_id))
         except IntegrityError:
             raise Conflict(
                 "the same flight, pump and segment was stored at the same moment by another upload"
             ) from None
+        return True
+
+    def _renew(self, operator: str, serial: str) -> None:
+        """Reduce again what older code has left of a pump: it may take long, and must not happen under the lock."""
+        with self._database.reading() as session:
+            held = _pump(session, operator, serial)
+        if held is not None and held.made_with != made_with():
+            reduced_again(self._database, self._archive, held.id)
 
     def _refuse(self, upload: Upload, operator: str, problem: Problem) -> None:
         with self._database.writing() as session:
@@ -271,6 +302,10 @@ def _new_row(upload: Upload, operator: str, request_hash: str) -> Record:
         supersedes=upload.supersedes,
         received_at=datetime.now(UTC),
     )
+
+
+def _is_for_us() -> ColumnElement[bool]:
+    return or_(Record.waits_for.is_(None), Record.waits_for <= release_number())
 
 
 def _pump(session: Session, operator: str, serial: str) -> Pump | None:

@@ -40,7 +40,7 @@ def _of_piece(known: Known, first: int, end: int, versions: tuple[object, ...]) 
     surroundings = placed[first].setting
     roles = roles_of([p.outline for p in placed])
     judged = (surroundings.pump_type(known.kind), surroundings.circuit_parameters, sorted(known.thresholds.items()))
-    links = [_link(judge_version(), _own_sources(), repr(judged), *map(str, versions))]
+    links = [_link(judge_version(), own_sources(), repr(judged), *map(str, versions))]
     between = [[], *(_between(known, a, b) for a, b in pairwise(placed))]
     for here, events in zip(placed, between, strict=True):
         outline = here.outline
@@ -63,6 +63,6 @@ def _link(*parts: Any) -> str:
 
 
 @cache
-def _own_sources() -> str:
+def own_sources() -> str:
     """Hash of the code between the judge and a stored assessment."""
     return sources_hash(codec.__name__, fold.__name__)

@@ -8,6 +8,7 @@ import structlog
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
+from detectors.judgement.version import twin_version
 from service.alarms.comparison import gained_and_lost
 from service.alarms.ledger import point_of, points_of
 from service.alarms.life_cycle import Point, Rules, lives, rules_of
@@ -17,13 +18,13 @@ from service.history.archive import Archive
 from service.history.codec import verdict_to_json
 from service.history.knowledge import Knowledge, knowledge
 from service.monitoring.fold import fold
+from service.monitoring.precedence import held_by, left_to_newer, newer_release
 from service.monitoring.refold import REPROCESSED, Cause, refold
 from service.pump_types.parameter_sets import held_type
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, Pump, Record
 from service.thresholds.layers import Effective, Scope, effective_thresholds, pump_scopes, thresholds_of
 from service.thresholds.pins import hold, newest_number
-from twin.version import twin_version
 
 Change = Literal["thresholds_changed", "reference_curve_changed"]
 """What may have changed for all pumps of a scope."""
@@ -147,12 +148,18 @@ def reprocessed(
     ------
     Problem
         when a record must be read again and cannot be; nothing is changed then.
+    HeldByNewerError
+        when a newer release has judged the pump; a process of that release is asked to fold it anew.
     """
+    _leave_to_newer(database, pump_id)
     # reading a pump's whole history may take minutes: before the lock; what changes meanwhile, the fold notices
     with database.reading() as session:
         anew = _known(session, archive, session.get_one(Pump, pump_id), wanted, reduce_anew=reduce_anew).anew
     with database.writing() as session:
         pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
+        newer = newer_release(session, pump_id)
+        if newer is not None:
+            raise held_by(newer, pump.serial)
         before, old_rules = points_of(session, pump_id), _rules(session, pump)
         if wanted is not None:
             hold(session, pump, wanted.threshold_version, wanted.author)
@@ -172,6 +179,18 @@ def reprocessed(
         )
 
 
+def _leave_to_newer(database: Database, pump_id: int) -> None:
+    """Ask a process of the newer release that has judged a pump to fold it anew; raises where there is one."""
+    with database.reading() as session:
+        newer = newer_release(session, pump_id)
+    if newer is None:
+        return
+    with database.writing() as session:
+        pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
+        left_to_newer(session, pump)
+    raise held_by(newer, pump.serial)
+
+
 def rehearsed(
     database: Database, archive: Archive, pump_id: int, wanted: Wanted, *, reduce_anew: bool = False
 ) -> PumpChange:
@@ -189,7 +208,9 @@ def points_of_fold(session: Session, found: Knowledge) -> list[Point]:
     """What alarms need of a history, folded without being stored."""
     flights = {p.outline.record_id: p.outline.flight_id for p in found.known.placed}
     assessments = fold(found.known, found.observations(session))
-    return [point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0), flights[a.record_id]) for a in assessments]
+    return [
+        point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0, {}), flights[a.record_id]) for a in assessments
+    ]
 
 
 def _known(session: Session, archive: Archive, pump: Pump, wanted: Wanted | None, *, reduce_anew: bool) -> Knowledge:

@@ -16,9 +16,11 @@ from service.history.codec import trend_to_json, verdict_to_json
 from service.history.knowledge import AnyRow, Knowledge, knowledge
 from service.history.known import Known
 from service.history.verdicts import empty_verdict
+from service.identity import software
 from service.monitoring import snapshots
 from service.monitoring.chain import chain
 from service.monitoring.fold import fold, steps
+from service.monitoring.precedence import left_to_newer, take_over
 from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
 
 
@@ -44,6 +46,8 @@ def refold(
     pump follow each other. Records whose thresholds, surroundings or pump type changed are analysed anew. Assessments
     before the first change stay as they are, and the fold begins at the newest snapshot before it.
 
+    A pump that a newer release has judged is left alone: a process of that release folds it anew soon.
+
     Parameters
     ----------
     from_scratch
@@ -54,13 +58,17 @@ def refold(
     Unavailable
         when a record must be analysed anew and its raw bytes are gone; nothing is stored then.
     """
+    session.flush()
+    if left_to_newer(session, pump):
+        return
     _outline_older(session, pump)
     found = knowledge(session, pump, archive)
     if found.anew:
         for row in session.scalars(select(Record).where(Record.id.in_(found.anew))):
             keep_analysis(row, found.anew[row.id])
     pump.pump_type = found.kind
-    version = found.twin_version
+    take_over(pump, whole=True)
+    version, made_by = found.twin_version, software().to_json()
     links = chain(found.known, version, found.thresholds.version)
     stored = _stored(session, pump)
     same = 0 if from_scratch else _unchanged(found.known, links, stored)
@@ -78,7 +86,7 @@ def refold(
             position=placed[a.record_id].position,
             state=a.verdict.state.value,
             trend=trend_to_json(a.trend),
-            verdict=verdict_to_json(a.verdict, version, found.thresholds.version),
+            verdict=verdict_to_json(a.verdict, version, found.thresholds.version, made_by),
             chain=link,
         )
         for a, link in zip(assessments, links[same:], strict=True)
@@ -103,7 +111,8 @@ def verdict_known_at(
     assessments = [a for a in fold(found.known, found.observations(session)) if at is None or a.at <= at]
     if not assessments:
         return empty_verdict(found.known.kind, found.thresholds)
-    return verdict_to_json(assessments[-1].verdict, found.twin_version, found.thresholds.version)
+    verdict, made_by = assessments[-1].verdict, software().to_json()
+    return verdict_to_json(verdict, found.twin_version, found.thresholds.version, made_by)
 
 
 def _outline_older(session: Session, pump: Pump) -> None:

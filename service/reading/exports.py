@@ -1,11 +1,12 @@
 """Exports: rows read in pages and written as they are read, so that a fleet's history needs no more memory than a page.
 
 Rows follow ISO 13374's blocks: windows are state detection, trends health assessment, verdicts advisory generation.
+Every row names the twin's version and the software that made it, which is not always the one that writes the export.
 """
 
 import csv
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -29,6 +30,7 @@ _MEANS = (
 )
 _RESIDUALS = ("discharge_pressure_bar", "case_pressure_bar")
 _PLACE = ("operator", "pump_serial", "record_id")
+_SOFTWARE = ("release", "commit", "sources")
 _VERDICT = ("side", "confidence", "since", "secondary", "sensor", "advice", "twin_version", "threshold_version")
 
 
@@ -49,6 +51,8 @@ def _trend_rows(serial: str, record: Record, assessment: StoredAssessment) -> It
             "value": point.get("mean"),
             "low": point.get("low"),
             "high": point.get("high"),
+            "twin_version": assessment.verdict.get("twin_version"),
+            **_made_by(assessment.verdict.get("software")),
         }
 
 
@@ -59,6 +63,7 @@ def _verdict_rows(serial: str, record: Record, assessment: StoredAssessment) -> 
         "state": assessment.state,
         "candidates": " ".join(verdict.get("candidates") or ()),
         **{name: verdict.get(name) for name in _VERDICT},
+        **_made_by(verdict.get("software")),
     }
 
 
@@ -79,7 +84,12 @@ def _window_rows(serial: str, record: Record, assessment: StoredAssessment) -> I
             residual = residuals.get(name) or {}
             row |= {f"residual_{name}": residual.get("residual")}
             row |= {f"standard_deviation_{name}": residual.get("standard_deviation")}
-        yield row
+        yield row | {"twin_version": assessment.verdict.get("twin_version"), **_made_by(record.reduced_by)}
+
+
+def _made_by(software: Mapping[str, str | None] | None) -> Row:
+    """Columns of the software that made a row; empty where it was made before software was named."""
+    return {f"software_{name}": (software or {}).get(name) for name in _SOFTWARE}
 
 
 def _place(serial: str, record: Record) -> Row:
@@ -90,9 +100,20 @@ def _texts(*names: str) -> dict[str, type]:
     return dict.fromkeys(names, str)
 
 
+_MADE_BY = _texts(*(f"software_{name}" for name in _SOFTWARE))
+
 EXPORTS: dict[str, Export] = {
     "trends": Export(
-        {**_texts(*_PLACE), "at": datetime, **_texts("metric", "unit"), "value": float, "low": float, "high": float},
+        {
+            **_texts(*_PLACE),
+            "at": datetime,
+            **_texts("metric", "unit"),
+            "value": float,
+            "low": float,
+            "high": float,
+            **_texts("twin_version"),
+            **_MADE_BY,
+        },
         _trend_rows,
     ),
     "verdicts": Export(
@@ -103,6 +124,7 @@ EXPORTS: dict[str, Export] = {
             "confidence": float,
             **_texts("since", "secondary", "sensor", "advice", "twin_version"),
             "threshold_version": int,
+            **_MADE_BY,
         },
         _verdict_rows,
     ),
@@ -117,6 +139,8 @@ EXPORTS: dict[str, Export] = {
             "reason": str,
             **{f"{what}_{name}": float for name in _MEANS for what in ("mean", "standard_error")},
             **{f"{what}_{name}": float for name in _RESIDUALS for what in ("residual", "standard_deviation")},
+            **_texts("twin_version"),
+            **_MADE_BY,
         },
         _window_rows,
     ),

@@ -8,7 +8,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, se
 from markupsafe import Markup
 
 from detectors.words.verdict import TREND_METRICS
-from service import __version__
+from service.identity import sentence
 from service.reports.charts import trend_svg
 from service.reports.content import Period
 from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
@@ -27,7 +27,6 @@ _TEMPLATES.globals |= {
     "marks": MARKS,
     "estimate_names": ESTIMATE_NAMES,
     "units": TREND_METRICS,
-    "version": __version__,
 }
 
 
@@ -44,6 +43,8 @@ def report_html(
         chapters=[{**chapter, "figures": _figures(chapter)} for chapter in ordered],
         author=author,
         made=datetime.now(UTC),
+        software=sentence(),
+        twins=sorted({c["verdict"]["twin_version"] for c in chapters}),
         counts=[(state, whole["by_state"][state]) for state in WORDS if state in whole["by_state"]],
     )
 

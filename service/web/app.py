@@ -3,7 +3,7 @@
 import threading
 import time
 import uuid
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 from http import HTTPStatus
@@ -24,6 +24,7 @@ from service.alarms.ledger import catch_up
 from service.context import Context
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Unavailable
 from service.jobs import engine
+from service.monitoring.renewal import Renewal
 from service.notifications.worker import Postman
 from service.registry.deletion import finish_deletions
 from service.registry.operators import expire
@@ -62,6 +63,7 @@ from service.web.routes import twin as twin_routes
 
 API_PREFIX = "/api/v1"
 _DAY_S = 86_400.0
+_LOOK_S = 20.0
 _MET = ("40P01", "40001")
 """Postgres' codes of transactions that met: deadlock, serialization failure."""
 log = structlog.get_logger("casedrain")
@@ -77,8 +79,8 @@ def create_app(settings: Settings) -> FastAPI:
         context = opened(settings)
         app.state.context = context
         detectors.warm_up.warm_up()
-        worker = threading.Thread(target=_pick_up, args=(context,), name="pick-up", daemon=True)
         stopped = threading.Event()
+        worker = threading.Thread(target=_pick_up, args=(context, stopped), name="pick-up", daemon=True)
         keeper = threading.Thread(target=_keep_house, args=(context, stopped), name="keep-house", daemon=True)
         for thread in (worker, keeper):
             thread.start()
@@ -146,17 +148,30 @@ def create_app(settings: Settings) -> FastAPI:
     return app
 
 
-def _pick_up(context: Context) -> None:
-    """Analyse what a crash left stored but not analysed, and raise the alarms of histories older than alarms."""
-    for record_id in context.acceptance.pending():
-        try:
-            context.acceptance.process(record_id)
-        except Exception:
-            log.exception("record left stored", record_id=record_id)
+def _pick_up(context: Context, stopped: threading.Event) -> None:
+    """Take up what others have left: records of a crash, alarms and verdicts of older releases; then look again."""
+    renewal = Renewal(context.database, context.archive)
+    _process(context, context.acceptance.pending())
     try:
         catch_up(context.database)
     except Exception:
         log.exception("alarms of older histories wait for the pumps' next records")
+    while True:
+        try:
+            renewal.run(stopped)
+            _process(context, context.acceptance.left())
+        except Exception:
+            log.exception("what other releases have left waits for the next look")
+        if stopped.wait(_LOOK_S):
+            return
+
+
+def _process(context: Context, record_ids: Sequence[str]) -> None:
+    for record_id in record_ids:
+        try:
+            context.acceptance.process(record_id)
+        except Exception:
+            log.exception("record left stored", record_id=record_id)
 
 
 def _keep_house(context: Context, stopped: threading.Event) -> None:

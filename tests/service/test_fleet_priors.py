@@ -8,6 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 from typer.testing import CliRunner
 
+from detectors.judgement.version import twin_version
 from service.cli import app
 from service.errors import Invalid
 from service.settings import Settings
@@ -15,7 +16,6 @@ from service.studies.fleet_priors import learn
 from tests.detectors.fleet import FAULTS, history
 from tests.service.stored_records import store
 from twin.pumps import pump_type
-from twin.version import twin_version
 
 API = "/api/v1"
 

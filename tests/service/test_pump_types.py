@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from detectors.judgement.version import twin_version
 from service.demo.fleet import DemoRecord
 from tests.service.guarded import guarded_client, key
 from twin.pumps import pump_type
-from twin.version import twin_version
 
 API = "/api/v1"
 CSV = {"content-type": "text/csv"}

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from detectors.judgement.version import twin_version
 from service.demo.fleet import DemoRecord
 from service.settings import Settings
 from service.web.app import create_app
@@ -13,7 +14,6 @@ from tests.detectors.fleet import FAULTS, history
 from tests.service.finished_job import finished
 from tests.service.stored_records import store
 from twin.pumps import pump_type
-from twin.version import twin_version
 
 API = "/api/v1"
 N = 40

@@ -47,6 +47,8 @@ class Record(Base):
     the bytes, ``reduced_with`` names everything that reduction and residuals depend on
     besides the bytes. ``reduction_digest``, ``has_zero_flow`` and ``has_spectrum`` are what the fold needs of a reduction
     that it does not read; they follow every reduction that is assigned, and are empty on rows older than they.
+    ``reduced_by`` is the software that made the reduction, ``waits_for`` the release, as a number that sorts, whose
+    processes are to analyse a stored record because they have judged its pump.
     """
 
     __tablename__ = "records"
@@ -95,6 +97,8 @@ class Record(Base):
     reduction_digest: Mapped[str | None]
     has_zero_flow: Mapped[bool | None]
     has_spectrum: Mapped[bool | None]
+    reduced_by: Mapped[dict[str, Any] | None]
+    waits_for: Mapped[int | None]
 
     @validates("reduction")
     def _outlined(self, _name: str, reduction: dict[str, Any] | None) -> dict[str, Any] | None:

@@ -10,7 +10,11 @@ from service.storage.tables.base import Base
 
 
 class Pump(Base):
-    """A pump of an operator; ``confirmed`` is False for one that a record brought along."""
+    """A pump of an operator; ``confirmed`` is False for one that a record brought along.
+
+    ``made_by`` is the release, as a number that sorts, of the newest process that has written the pump's reductions or
+    verdicts, and ``made_with`` the hash of its code: empty where they are to be made again.
+    """
 
     __tablename__ = "pumps"
     __table_args__ = (UniqueConstraint("operator", "serial"),)
@@ -21,6 +25,8 @@ class Pump(Base):
     pump_type: Mapped[str]
     confirmed: Mapped[bool]
     created_at: Mapped[datetime]
+    made_by: Mapped[int | None]
+    made_with: Mapped[str | None]
 
 
 class Aircraft(Base):

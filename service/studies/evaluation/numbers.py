@@ -12,11 +12,11 @@ from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.scores import Roc, Score
 from detectors.evaluation.summary import RowResult, side_confusion
 from detectors.evaluation.targets import NOT_SIMULATED, Finding
+from detectors.judgement.version import twin_version
 from detectors.words.verdict import Side
-from service import __version__
+from service.identity import software
 from service.studies.evaluation.run import Results
 from twin.pumps import pump_type
-from twin.version import twin_version
 
 _MOST_POINTS = 200
 
@@ -26,7 +26,8 @@ def study_json(results: Results) -> dict[str, Any]:
     study = results.study
     return {
         "study": {
-            "version": __version__,
+            "version": software().release,
+            "software": software().to_json(),
             "twin": twin_version(pump_type(study.pump_type)),
             "seed": study.seed,
             "pumps_per_row": study.n_pumps,

@@ -54,14 +54,14 @@ from detectors.evaluation.summary import (
     side_confusion,
 )
 from detectors.evaluation.targets import NOT_SIMULATED, Finding, Target
+from detectors.judgement.version import twin_version
 from detectors.words.verdict import FAULTS, Side, State
-from service import __version__
+from service.identity import sentence
 from service.studies.evaluation.plots import Reading, reliability_plot, row_plots
 from service.studies.evaluation.run import Results
 from service.studies.validation.drawing import plot_svg
 from twin.pumps import pump_type
 from twin.validation.evidence import Plot
-from twin.version import twin_version
 
 _TEMPLATES = Environment(
     # the pages of studies look like those of the validation
@@ -129,7 +129,7 @@ def report_html(results: Results) -> str:
     counted = [f.met for f in results.findings]
     pooled = [reliability_plot(results.pools, of) for of in Reading] if results.pools else []
     return _TEMPLATES.get_template("study.html").render(
-        version=__version__,
+        software=sentence(),
         twin=twin_version(pump_type(study.pump_type)),
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         study=study,

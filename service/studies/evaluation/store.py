@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from detectors.evaluation.study import Outcome
+from detectors.judgement.version import twin_version
 from detectors.words.thresholds import effective
 from service.studies.evaluation.plan import Chunk
 from twin.pumps import pump_type
 from twin.sources import sources_hash
-from twin.version import twin_version
 
 _NAMES = tuple(f.name for f in fields(Outcome))
 

@@ -9,11 +9,11 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
-from service import __version__
+from detectors.judgement.version import twin_version
+from service.identity import sentence
 from service.studies.validation.drawing import plot_svg
 from twin.pumps import PUMP_TYPES
 from twin.validation.evidence import Evidence, Row
-from twin.version import twin_version
 
 _TEMPLATES = Environment(
     loader=PackageLoader("service.studies.validation"),
@@ -83,7 +83,7 @@ def report_html(evidence: Mapping[str, Evidence]) -> str:
     return _TEMPLATES.get_template("report.html").render(
         sections=sections,
         counts=counts_of(evidence),
-        version=__version__,
+        software=sentence(),
         twins=[twin_version(kind) for kind in PUMP_TYPES.values()],
         made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
     )

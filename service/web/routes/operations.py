@@ -9,6 +9,7 @@ from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from service.context import Context
+from service.identity import software
 from service.storage.database import pending_migration
 from service.web.dependencies import ContextOf
 
@@ -25,7 +26,7 @@ def alive() -> dict[str, str]:
 
 @router.get("/readyz", summary="Can it do its work")
 def ready(context: ContextOf) -> JSONResponse:
-    """Asks database, schema and raw store, each within a few seconds."""
+    """Asks database, schema and raw store, each within a few seconds; says which software answers."""
     waiting = {name: _probes.submit(check, context) for name, check in _CHECKS.items()}
     checks = {}
     for name, probe in waiting.items():
@@ -36,7 +37,11 @@ def ready(context: ContextOf) -> JSONResponse:
         except Exception as error:
             checks[name] = type(error).__name__
     good = all(answer == "ok" for answer in checks.values())
-    body: dict[str, Any] = {"status": "ready" if good else "not ready", "checks": checks}
+    body: dict[str, Any] = {
+        "status": "ready" if good else "not ready",
+        "checks": checks,
+        "software": software().to_json(),
+    }
     return JSONResponse(body, status_code=200 if good else 503)
 
 

@@ -9,6 +9,7 @@ from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
+from detectors.judgement.version import twin_version
 from service.access import audit
 from service.access.security import Principal
 from service.context import Context
@@ -21,7 +22,6 @@ from service.thresholds.layers import Scope
 from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType
 from twin.pumps.written import document_of
-from twin.version import twin_version
 
 router = APIRouter(prefix="/pump-types", tags=["registry"])
 Operator = Annotated[str | None, Query(description="For whom; a key of one operator always means its own")]

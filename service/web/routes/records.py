@@ -9,6 +9,7 @@ from starlette.concurrency import run_in_threadpool
 from service.access.security import Principal
 from service.context import Context
 from service.errors import Fault, Invalid
+from service.identity import release_of
 from service.ingest.file_formats import CONTENT_TYPES
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.mappings import mapping_version
@@ -64,7 +65,7 @@ async def upload(
         take = context.acceptance.accept if wait else context.acceptance.store
         accepted = await run_in_threadpool(take, new, asker)
     answer = await run_in_threadpool(_answer, context, asker, accepted.record_id)
-    response.status_code = 200 if accepted.known else (201 if wait else 202)
+    response.status_code = 200 if accepted.known else (201 if wait and not accepted.waiting else 202)
     response.headers["Location"] = f"/api/v1/records/{accepted.record_id}"
     if not wait and answer["status"] == "stored":
         background.add_task(context.acceptance.process, accepted.record_id)
@@ -181,6 +182,8 @@ def _answer(context: Context, asker: Principal, record_id: str) -> dict[str, Any
             document |= {"ended_at": row.ended_at, "withdrawal": row.withdrawal}
         if row.problem is not None:
             document["problem"] = row.problem
+        if row.waits_for is not None:
+            document["waits_for_release"] = release_of(row.waits_for)
         if row.status != ANALYSED:
             return document
         assessment = queries.assessment_of(session, row.id)
