@@ -102,7 +102,8 @@ def knowledge(
     kind = held_type(session, pump.operator, name)
     thresholds = thresholds or thresholds_of(session, pump.operator, pump.serial, name, known_at)
     intervals = installation_intervals(session, pump.id, known_at)
-    placed, anew = [], {}
+    placed: list[PlacedRecord] = []
+    anew: dict[str, RecordAnalysis] = {}
     aircraft: dict[str, Mapping[str, Any]] = {}
     keys: dict[Setting, str] = {}
     older = [row.id for row in rows if row.reduction_digest is None]

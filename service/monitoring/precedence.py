@@ -5,7 +5,6 @@ not older takes the pump over; an older one leaves it alone, so that nothing is 
 """
 
 import hashlib
-from functools import cache
 
 from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.orm import Session
@@ -22,7 +21,6 @@ class HeldByNewerError(Unavailable):
     """The pump's verdicts were made by a newer release than this process is of."""
 
 
-@cache
 def made_with() -> str:
     """Hash of the code that stored reductions and verdicts are made with."""
     parts = (reduced.sources(), judge_version(), own_sources())
