@@ -13,6 +13,7 @@ from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.rows import HEALTHY, PLAIN_ROWS, Growing, Row
 from detectors.words.verdict import State
 from service.cli import app
+from service.identity import sentence, software
 from service.studies.evaluation import store
 from service.studies.evaluation.numbers import study_json
 from service.studies.evaluation.plan import Study, StudyFaultsError, chosen_rows, chunks_of, pumps_in, sized
@@ -146,6 +147,7 @@ def test_results_are_named_after_all_they_depend_on(monkeypatch: pytest.MonkeyPa
 
 
 def test_large_leakage_is_found_and_called_by_no_wrong_side(results: Results) -> None:
+    assert study_json(results)["study"]["software"] == software().to_json()
     row = study_json(results)["rows"][1]
     found = row["scopes"]["all realities"]["scores"]
     assert found["alarm after the onset"]["value"] == 1.0
@@ -157,6 +159,7 @@ def test_large_leakage_is_found_and_called_by_no_wrong_side(results: Results) ->
 
 def test_page_needs_nothing_from_elsewhere_and_says_what_was_done(results: Results) -> None:
     text = report_html(results)
+    assert sentence() in text
     assert not re.search(r"https?:|//[a-z]|<script|<link|<img|@import|src=", text)
     page = Page()
     page.feed(text)
