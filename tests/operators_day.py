@@ -27,7 +27,7 @@ _SECRETS_AND_IDS = (
     (re.compile(r"\b[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}\b|\b[0-9a-f]{32,64}\b"), "<id>"),
     # event times have whole seconds; an instant of this run has a fraction
     (re.compile(r"\b\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d+(?:Z|\+00:00)"), "<now>"),
-    (re.compile(r"\b(h225[a-z0-9-]*-\d+)-[0-9a-f]{8}\b"), r"\1-…"),
+    (re.compile(r"\b(h225[a-z0-9-]*?)-[0-9a-f]{8}-[0-9a-f]{8}\b"), r"\1-…"),
 )
 _NUMBER = re.compile(r"(?<![\w.-])-?\d+\.\d+(?:e[-+]?\d+)?(?![\w.:])")
 
