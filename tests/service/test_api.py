@@ -39,7 +39,7 @@ class TestPump:
         assert set(verdict) == {
             *("state", "side", "since", "confidence", "probabilities", "candidates", "secondary", "sensor"),
             *("estimates", "minimum_detectable", "quality", "advice", "resolving_measurement"),
-            *("twin_version", "threshold_version"),
+            *("twin_version", "threshold_version", "software"),
         }
         assert verdict["state"] == "healthy"
         assert sum(verdict["probabilities"].values()) == pytest.approx(1.0)
