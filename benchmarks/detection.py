@@ -7,7 +7,7 @@
 import sys
 
 from benchmarks import RESULTS
-from service.cli import app
+from service.command_line.main import app
 
 
 def main(options: list[str]) -> None:

@@ -91,7 +91,14 @@ def served() -> Iterator[int]:
     """A server with a database of its own; its process id."""
     with tempfile.TemporaryDirectory() as folder:
         settings = {"CASEDRAIN_DATA_DIR": folder, "CASEDRAIN_AUTH": "off", "CASEDRAIN_PARSE_WORKERS": "1"}
-        command = [sys.executable, "-c", "from service.cli import app; app()", "serve", "--port", str(PORT)]
+        command = [
+            sys.executable,
+            "-c",
+            "from service.command_line.main import app; app()",
+            "serve",
+            "--port",
+            str(PORT),
+        ]
         process = subprocess.Popen(command, env={**os.environ, **settings}, stdout=subprocess.DEVNULL)  # noqa: S603 - our own
         try:
             _await_ready(process)

@@ -14,7 +14,6 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from service.running import opened
 from sqlalchemy import update
 
 from benchmarks import keep
@@ -22,6 +21,7 @@ from service.access.security import EVERYBODY
 from service.demo.fleet import PUMPS, pump_records
 from service.monitoring.acceptance import Upload
 from service.monitoring.renewal import Renewal
+from service.running import opened
 from service.settings import Settings
 from service.storage.database import upgrade
 from service.storage.tables import Pump, Record, StoredAssessment

@@ -88,7 +88,7 @@ def outputs(blocks: list[list[Step]], folder: Path) -> Iterator[str]:
     programs = folder.parent / f"{folder.name}-programs"
     programs.mkdir()
     shim = programs / "casedrain"
-    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "from service.cli import app; app()" "$@"\n')
+    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "from service.command_line.main import app; app()" "$@"\n')
     shim.chmod(0o755)
     kept = {k: v for k, v in os.environ.items() if not k.startswith("CASEDRAIN_")}
     environment = kept | {

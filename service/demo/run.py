@@ -4,8 +4,9 @@ import contextlib
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 from rich.console import Console
@@ -84,20 +85,42 @@ def operator_of(n_flights: int, seed: int) -> str:
     return f"demo-{seed}-{n_flights}"
 
 
-def compare(client: Client, operator: str, console: Console) -> bool:
-    """Print every pump's verdict beside the truth; True when no healthy pump is accused and all others are right."""
+def compared(client: Client, operator: str) -> list[dict[str, Any]]:
+    """Every pump's verdict beside the truth; a pump agrees when its verdict is right for what it is."""
+    rows: list[dict[str, Any]] = []
+    for pump in PUMPS:
+        verdict = client.verdict(pump.serial, operator)
+        rows.append(
+            {
+                "serial": pump.serial,
+                "aircraft": pump.aircraft,
+                "position": pump.position,
+                "truth": pump.truth.words,
+                "state": verdict["state"],
+                "candidates": verdict["candidates"],
+                "side": verdict["side"],
+                "probability": verdict["confidence"],
+                "agrees": bool(is_right(pump.truth, verdict)),
+            }
+        )
+    return rows
+
+
+def is_good(rows: Sequence[Mapping[str, Any]]) -> bool:
+    """True when no healthy pump is accused and all others are right."""
+    return all(row["agrees"] for row in rows)
+
+
+def table_of(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Verdicts beside the truth as a table."""
     table = Table(title="Verdicts beside the truth")
     for heading in ("pump", "where", "truth", "verdict", "side", "probability", "agrees"):
         table.add_column(heading)
-    good = True
-    for pump in PUMPS:
-        verdict = client.verdict(pump.serial, operator)
-        right = is_right(pump.truth, verdict)
-        good = good and right
-        words = WORDS[verdict["state"]]
-        if verdict["candidates"]:
-            words += ": " + " or ".join(WORDS[c].lower() for c in verdict["candidates"])
-        row = (pump.serial, f"{pump.aircraft} {pump.position}", pump.truth.words, words, verdict["side"])
-        table.add_row(*row, f"{verdict['confidence']:.2f}", "yes" if right else "NO")
-    console.print(table, width=max(console.width, 120))
-    return good
+    for row in rows:
+        words = WORDS[row["state"]]
+        if row["candidates"]:
+            words += ": " + " or ".join(WORDS[c].lower() for c in row["candidates"])
+        where = f"{row['aircraft']} {row['position']}"
+        agrees = "yes" if row["agrees"] else "NO"
+        table.add_row(row["serial"], where, row["truth"], words, row["side"], f"{row['probability']:.2f}", agrees)
+    return table

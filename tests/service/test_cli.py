@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from service.access.security import principal_of
-from service.cli import app
+from service.command_line.main import app
 from service.demo.fleet import DemoRecord
 from service.demo.run import served
 from service.settings import Settings

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.rows import HEALTHY, PLAIN_ROWS, Growing, Row
 from detectors.words.verdict import State
-from service.cli import app
+from service.command_line.main import app
 from service.identity import sentence, software
 from service.studies.evaluation import store
 from service.studies.evaluation.numbers import study_json

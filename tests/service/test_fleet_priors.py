@@ -9,7 +9,7 @@ from fastapi.testclient import TestClient
 from typer.testing import CliRunner
 
 from detectors.judgement.version import twin_version
-from service.cli import app
+from service.command_line.main import app
 from service.errors import Invalid
 from service.settings import Settings
 from service.studies.fleet_priors import learn

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from service.cli import app
+from service.command_line.main import app
 from service.pump_types.parameter_files import named_or_written
 from tests.twin.test_identification import BENCH, DEVIATIONS, FACTORS, measured
 from twin.pumps.written import pump_type_from

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from service.command_line.main import app
 from sqlalchemy import select
 from typer.testing import CliRunner
 
 from service import __version__, identity
+from service.command_line.main import app
 from service.demo.fleet import DemoRecord
 from service.history import analysis
 from service.history.codec import same_verdict

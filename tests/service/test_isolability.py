@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from detectors.isolability.bounds import isolability
 from detectors.isolability.plan import Plan, sensors_of
-from service.cli import app
+from service.command_line.main import app
 from service.settings import Settings
 from service.web.app import create_app
 from twin.pumps import circuit_parameters, pump_type

@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 from sqlalchemy import select, update
 from typer.testing import CliRunner
 
-from service.cli import app
+from service.command_line.main import app
 from service.storage.tables import ApiKey, FailedSignIn, SignedIn, User
 from tests.service.guarded import guarded_client, key
 

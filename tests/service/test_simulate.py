@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from service.cli import app
+from service.command_line.main import app
 from service.ingest.decode import DecodedRecord, Limits, decode
 from service.ingest.upload_files import content_type_of
 from service.studies.simulation.picture import N_BUCKETS, Thinned, drawn

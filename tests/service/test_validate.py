@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from service.cli import app
+from service.command_line.main import app
 from service.studies.validation.report import counts_of, report_html, rows_json
 from twin.validation import catalogue
 from twin.validation.evidence import Curve, Evidence, Plot, Row

@@ -5,42 +5,50 @@ from typing import Annotated
 
 import typer
 
-from service.console import console, failure
-from service.errors import Problem
-from service.settings import Settings
+from service.command_line.command import Command
+from service.command_line.console import Json, failure, say, say_json
 
-keys_app = typer.Typer(no_args_is_help=True, help="API keys.")
-users_app = typer.Typer(no_args_is_help=True, help="Users of the pages.")
-db_app = typer.Typer(no_args_is_help=True, help="The database's schema.")
+keys_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="API keys.")
+users_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Users of the pages.")
+db_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="The database's schema.")
 
 
-@keys_app.command("create")
+@keys_app.command("create", cls=Command)
 def create_key(
     role: Annotated[str, typer.Option(help="viewer, analyst, engineer or admin")],
     operator: Annotated[str | None, typer.Option(help="Bind the key to one operator")] = None,
     owner: Annotated[str, typer.Option(help="Who holds the key")] = "command line",
     expires: Annotated[datetime | None, typer.Option(help="When it stops working (UTC)")] = None,
+    json_: Json = False,
 ) -> None:
-    """Make an API key and print it once."""
+    """Make an API key and print it once.
+
+    With --json: {"id", "key", "owner", "role", "operator", "expires"}; operator and expires may be null.
+    """
     from datetime import UTC  # noqa: PLC0415
 
     from service.access import audit  # noqa: PLC0415 - heavy, and only here
     from service.access.security import AT_THE_MACHINE, new_key  # noqa: PLC0415
     from service.running import opened  # noqa: PLC0415
+    from service.settings import Settings  # noqa: PLC0415
 
     try:
         context = opened(Settings())
         with context.database.writing() as session:
             row, key = new_key(session, owner, role, operator, expires.replace(tzinfo=UTC) if expires else None)
             audit.note(session, AT_THE_MACHINE, "key.make", f"key/{row.id}", operator, {"owner": owner, "role": role})
+            made = {"id": row.id, "key": key, "owner": owner, "role": role, "operator": operator}
     except (ValueError, RuntimeError) as error:
         raise failure(str(error)) from None
     context.database.close()
-    # plain print: the key must come out unwrapped, alone on its line
-    print(key)
+    if json_:
+        say_json(made | {"expires": expires.replace(tzinfo=UTC).isoformat() if expires else None})
+    else:
+        # plain print: the key must come out alone on its line
+        print(key)
 
 
-@users_app.command("create")
+@users_app.command("create", cls=Command)
 def create_user(
     name: Annotated[str, typer.Argument(help="Name to sign in with")],
     role: Annotated[str, typer.Option(help="viewer, analyst, engineer or admin")],
@@ -50,12 +58,18 @@ def create_user(
     operator: Annotated[str | None, typer.Option(help="Bind the user to one operator")] = None,
     email: Annotated[str | None, typer.Option(help="Address for mails")] = None,
     mail: Annotated[bool, typer.Option("--mail", help="Send mails about alarms there")] = False,
+    json_: Json = False,
 ) -> None:
-    """Make a user of the pages; the password is asked for."""
+    """Make a user of the pages; the password is asked for.
+
+    With --json: {"name", "role", "operator", "email", "mail"}; operator and email may be null.
+    """
     from service.access import audit  # noqa: PLC0415 - heavy, and only here
     from service.access.security import AT_THE_MACHINE  # noqa: PLC0415
     from service.access.users import new_user  # noqa: PLC0415
+    from service.errors import Problem  # noqa: PLC0415
     from service.running import opened  # noqa: PLC0415
+    from service.settings import Settings  # noqa: PLC0415
 
     try:
         context = opened(Settings())
@@ -70,14 +84,24 @@ def create_user(
         raise failure(f"{problem.detail}{faults}") from None
     finally:
         context.database.close()
-    console.print(f"User {name} can sign in now.", highlight=False, markup=False)
+    if json_:
+        say_json({"name": name, "role": role, "operator": operator, "email": email, "mail": mail})
+    else:
+        say(f"User {name} can sign in now.")
 
 
-@db_app.command("upgrade")
-def upgrade_database() -> None:
-    """Bring the database of the settings to the newest schema."""
+@db_app.command("upgrade", cls=Command)
+def upgrade_database(json_: Json = False) -> None:
+    """Bring the database of the settings to the newest schema.
+
+    With --json: {"status": "up_to_date"}.
+    """
+    from service.settings import Settings  # noqa: PLC0415
     from service.storage.database import upgrade  # noqa: PLC0415 - heavy, and only here
 
     settings = Settings()
     upgrade(settings.effective_database_url)
-    console.print("The database is up to date.")
+    if json_:
+        say_json({"status": "up_to_date"})
+    else:
+        say("The database is up to date.")

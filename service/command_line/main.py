@@ -1,28 +1,23 @@
 """The command line."""
 
-import json
-import sys
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import httpx2
-import structlog
 import typer
-import uvicorn
-from rich.progress import Progress, track
-from rich.table import Table
 
-from detectors.curve.picture import curve_svg
-from service.cli_administration import db_app, keys_app, users_app
-from service.cli_studies import app as studies
-from service.client import Client, RefusedError
-from service.console import complaints, console, failure
-from service.errors import Problem
-from service.ingest.decode import Limits
-from service.settings import Settings
+from service.command_line.administration import db_app, keys_app, users_app
+from service.command_line.analysed import analysed_pump, refusal, safe_name, show_pump, show_refusal
+from service.command_line.command import Command
+from service.command_line.console import Json, complaints, failure, listener, say, say_json
+from service.command_line.studies import app as studies
 
-app = typer.Typer(no_args_is_help=True, help="Condition monitoring of hydraulic pumps.", pretty_exceptions_enable=False)
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Condition monitoring of hydraulic pumps.",
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
 app.add_typer(studies)
 app.add_typer(keys_app, name="keys")
 app.add_typer(users_app, name="users")
@@ -46,25 +41,17 @@ def main(
     if version:
         from service.identity import in_words, software  # noqa: PLC0415 - only here is git asked and code hashed
 
-        typer.echo(json.dumps(software().to_json()) if as_json else in_words())
+        if as_json:
+            say_json(software().to_json())
+        else:
+            say(in_words())
         raise typer.Exit
     if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+        say(context.get_help())
         raise typer.Exit
-    structlog.configure(
-        processors=[
-            structlog.contextvars.merge_contextvars,
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            structlog.processors.format_exc_info,
-            structlog.processors.JSONRenderer(),
-        ],
-        # asked for at every call: a test or a supervisor may have put another stream in its place
-        logger_factory=lambda *_: structlog.PrintLogger(sys.stderr),
-    )
 
 
-@app.command()
+@app.command(cls=Command)
 def demo(
     flights: Annotated[int, typer.Option(min=12, max=1000, help="Flights per pump")] = 40,
     seed: Annotated[int, typer.Option(min=0, help="Another seed is another fleet")] = 1,
@@ -75,45 +62,74 @@ def demo(
     files: Annotated[
         Path | None, typer.Option(help="Only write the flight records, into this folder", file_okay=False)
     ] = None,
+    json_: Json = False,
 ) -> None:
-    """Simulate a small fleet, upload it through the API, show its verdicts, leave the server running."""
-    from service.demo.run import compare, free_port, operator_of, served, upload_fleet, write_fleet  # noqa: PLC0415 - heavy, and only here
+    """Simulate a small fleet, upload it through the API, show its verdicts, leave the server running.
 
+    With --json: {"address", "operator", "good", "pumps": [{"serial", "aircraft", "position", "truth", "state",
+    "candidates", "side", "probability", "agrees"}]}; with --files: {"folder", "files"}.
+    """
+    import httpx2  # noqa: PLC0415 - heavy, and only here
+    import structlog  # noqa: PLC0415
+
+    from service.client import Client, RefusedError  # noqa: PLC0415
+    from service.demo.run import (  # noqa: PLC0415
+        compared,
+        free_port,
+        is_good,
+        operator_of,
+        served,
+        table_of,
+        upload_fleet,
+        write_fleet,
+    )
+    from service.settings import Settings  # noqa: PLC0415
+
+    to = listener(json_)
     if files is not None:
         n_files = write_fleet(files, flights, seed)
-        console.print(f"{n_files} flight records in {files}", highlight=False, soft_wrap=True)
+        say(f"{n_files} flight records in {files}", to=to)
+        if json_:
+            say_json({"folder": str(files), "files": n_files})
         return
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(40))
     host = "127.0.0.1"
     settings = Settings(auth="off")
     place = free_port(host, port)
-    console.print("Starting the service (the first start compiles the twin, some minutes) …")
+    operator = operator_of(flights, seed)
+    say("Starting the service (the first start compiles the twin, some minutes) …", to=to)
     try:
         with served(settings, host, place) as address:
             with Client(address) as client:
-                upload_fleet(client, flights, seed, console)
-                good = compare(client, operator_of(flights, seed), console)
-            console.print(f"Fleet page: [bold]{address}/[/]   API: {address}/openapi.json", highlight=False)
+                upload_fleet(client, flights, seed, to)
+                rows = compared(client, operator)
+            to.print(table_of(rows))
+            if json_:
+                say_json({"address": address, "operator": operator, "good": is_good(rows), "pumps": rows})
+            say("Fleet page: ", (f"{address}/", "bold"), f"   API: {address}/openapi.json", to=to)
             if not exit_:
-                console.print("The server keeps running; stop it with Ctrl-C.")
+                say("The server keeps running; stop it with Ctrl-C.", to=to)
                 while True:
                     time.sleep(3600)
     except KeyboardInterrupt:
-        console.print("Stopped.")
+        say("Stopped.", to=to)
         return
     except (RefusedError, RuntimeError, httpx2.HTTPError) as error:
         raise failure(str(error)) from None
-    raise typer.Exit(0 if good else 1)
+    raise typer.Exit(0 if is_good(rows) else 1)
 
 
-@app.command()
+@app.command(cls=Command)
 def serve(
     host: Annotated[str, typer.Option(help="Address to listen on")] = "127.0.0.1",
     port: Port = 8000,
 ) -> None:
     """Serve API and pages."""
-    from service.running import opened  # noqa: PLC0415 - heavy, and only here
-    from service.web.app import create_app  # noqa: PLC0415 - heavy, and only here
+    import uvicorn  # noqa: PLC0415 - heavy, and only here
+
+    from service.running import opened  # noqa: PLC0415
+    from service.settings import Settings  # noqa: PLC0415
+    from service.web.app import create_app  # noqa: PLC0415
 
     settings = Settings()
     fault = settings.binding_fault(host)
@@ -126,7 +142,7 @@ def serve(
     uvicorn.run(create_app(settings), host=host, port=port, access_log=False, server_header=False)
 
 
-@app.command()
+@app.command(cls=Command)
 def upload(
     places: Annotated[
         list[str],
@@ -135,34 +151,47 @@ def upload(
     url: Url = "http://127.0.0.1:8000",
     key: Key = None,
     mapping: Annotated[str | None, typer.Option(help="Name of the channel mapping that the files need")] = None,
+    json_: Json = False,
 ) -> None:
-    """Upload flight records and print a result per file; started again, it goes on: what is known stays as it is."""
-    from service.ingest.upload_files import content_type_of, files_of  # noqa: PLC0415 - only here
+    """Upload flight records and print a result per file; started again, it goes on: what is known stays as it is.
+
+    With --json: {"files": [{"file", "answer", "refusal"}]}; the answer is the API's to the upload, or null where the
+    refusal says why the file was not taken.
+    """
+    import httpx2  # noqa: PLC0415 - heavy, and only here
+    from rich.progress import track  # noqa: PLC0415
+
+    from service.client import Client, RefusedError  # noqa: PLC0415
+    from service.ingest.upload_files import content_type_of, files_of  # noqa: PLC0415
 
     files, missing = files_of(places)
     if missing:
         raise failure(f"no flight records at {', '.join(missing)}; nothing was uploaded", 2)
     n_refused = 0
+    rows: list[dict[str, Any]] = []
+    to = listener(json_)
     with Client(url, key) as client:
         for path in track(files, "uploading", console=complaints, transient=True):
             try:
                 answer = client.upload(path.read_bytes(), content_type_of(path), mapping=mapping)
             except RefusedError as error:
                 n_refused += 1
-                console.print(f"[red]refused[/]  {path}: {error}", highlight=False)
+                rows.append({"file": str(path), "answer": None, "refusal": str(error)})
+                say(("refused", "red"), f"  {path}: {error}", to=to)
             except httpx2.HTTPError as error:
                 raise failure(f"{url} does not answer ({error}): is `casedrain serve` running?") from None
             else:
+                rows.append({"file": str(path), "answer": answer, "refusal": None})
                 verdict = answer.get("verdict", {})
                 words = answer.get("explanation") or verdict.get("advice", "")
-                console.print(
-                    f"[green]{answer['status']}[/] {path}: {verdict.get('state', '')}. {words}", highlight=False
-                )
+                say((answer["status"], "green"), f" {path}: {verdict.get('state', '')}. {words}", to=to)
+    if json_:
+        say_json({"files": rows})
     if n_refused:
         raise failure(f"{n_refused} of {len(files)} files were refused")
 
 
-@app.command()
+@app.command(cls=Command)
 def reprocess(
     pump: Annotated[str | None, typer.Option(help="Only this serial number")] = None,
     pump_type: Annotated[str | None, typer.Option(help="Only this pump type")] = None,
@@ -173,8 +202,17 @@ def reprocess(
     twin_version: Annotated[str | None, typer.Option(help="Twin to judge with, as verdicts name it")] = None,
     url: Url = "http://127.0.0.1:8000",
     key: Key = None,
+    json_: Json = False,
 ) -> None:
-    """Reduce records and fold pumps anew with today's versions or others; prints verdicts and alarms that differ."""
+    """Reduce records and fold pumps anew with today's versions or others; prints verdicts and alarms that differ.
+
+    With --json: {"job", "items"}, as the API's GET /jobs/{id} and GET /jobs/{id}/items say them.
+    """
+    import httpx2  # noqa: PLC0415 - heavy, and only here
+    from rich.progress import Progress  # noqa: PLC0415
+
+    from service.client import Client, RefusedError  # noqa: PLC0415
+
     parameters = {
         "pump": pump,
         "pump_type": pump_type,
@@ -195,22 +233,25 @@ def reprocess(
         raise failure(str(error)) from None
     except httpx2.HTTPError as error:
         raise failure(f"{url} does not answer ({error}): is `casedrain serve` running?") from None
+    to = listener(json_)
+    if json_:
+        say_json({"job": job, "items": items})
     for item in items:
         if item["status"] == "failed":
             left = f"{item['pump']} ({item['operator']}): left as it was, {item['problem']['detail']}"
-            complaints.print(left, highlight=False, markup=False)
+            say(left, to=complaints)
             continue
         words = f"{item['pump']} ({item['operator']}): {item['changed']} of {item['records']} verdicts differ"
-        console.print(f"{words}; {item['state_before']} -> {item['state_after']}", highlight=False, markup=False)
+        say(f"{words}; {item['state_before']} -> {item['state_after']}", to=to)
         for what in ("gained", "lost"):
             for alarm in item["alarms"][what]:
                 line = f"  alarm {what}: {alarm['verdict_state']}, {alarm['priority']}, raised {alarm['raised_at']}"
-                console.print(line, highlight=False, markup=False)
+                say(line, to=to)
     if job["status"] != "succeeded":
         raise failure(f"the job is {job['status']}: {(job['problem'] or {}).get('detail', 'see its items')}")
 
 
-@app.command()
+@app.command(cls=Command)
 def analyse(
     files: Files,
     output: Annotated[Path | None, typer.Option(help="Folder for the pictures")] = None,
@@ -219,10 +260,20 @@ def analyse(
         str | None,
         typer.Option("--pump", help="Pump type instead of the files' own: a name, or a .toml or .json file"),
     ] = None,
+    json_: Json = False,
 ) -> None:
-    """Analyse files without a server: windows, verdict and picture per pump."""
+    """Analyse files without a server: windows, verdict and picture per pump.
+
+    With --json: {"pumps": [{"serial", "verdict", "files", "picture"}], "refused": [{"file", "detail", "errors"}]}. A
+    verdict has state, side, confidence, probabilities, candidates, advice and resolving_measurement; a file has file,
+    state, zero_flow_s (start and end, or null), explanation and residuals: per channel value and standard_deviation
+    [bar]. Errors have where and problem.
+    """
+    from detectors.curve.picture import curve_svg  # noqa: PLC0415 - heavy, and only here
+    from service.ingest.decode import Limits  # noqa: PLC0415
     from service.pump_types.parameter_files import named_or_written  # noqa: PLC0415
-    from service.studies.offline import analyse_files  # noqa: PLC0415 - heavy, and only here
+    from service.settings import Settings  # noqa: PLC0415
+    from service.studies.offline import analyse_files  # noqa: PLC0415
 
     settings = Settings()
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
@@ -231,40 +282,20 @@ def analyse(
     except ValueError as error:
         raise failure(f"--pump {error}", 2) from None
     found = analyse_files(files, limits, {"pump_serial": serial} if serial else {}, kind)
+    to = listener(json_)
     for path, problem in found.refused:
-        _show_refusal(path, problem)
+        show_refusal(path, problem, to)
+    folder = output or Path()
+    answers = []
     for pump in found.pumps:
-        table = Table(title=f"Pump {pump.serial}")
-        for heading in ("file", "zero-flow window", "case residual [bar]", "discharge residual [bar]", "state"):
-            table.add_column(heading)
-        states = {a.record_id: a.verdict.state.value for a in pump.assessments}
-        for file in sorted(pump.files, key=lambda f: (f.observation.at, f.observation.record_id)):
-            window = file.observation.reduction.zero_flow
-            span = f"{window.start_s:.0f} to {window.end_s:.0f} s" if window else file.observation.reduction.explanation
-            numbers = [
-                f"{r.residual:+.3f} ± {1.645 * r.standard_deviation:.3f}" if r else "–"
-                for r in (file.residuals.get(c) for c in ("case_pressure_bar", "discharge_pressure_bar"))
-            ]
-            table.add_row(file.path.name, span, *numbers, states[file.observation.record_id])
-        console.print(table)
-        verdict = pump.assessments[-1].verdict
-        console.print(f"[bold]{verdict.state.value}[/], side {verdict.side.value}: {verdict.advice}", highlight=False)
-        if verdict.resolving_measurement:
-            console.print(f"What would tell: {verdict.resolving_measurement}.", highlight=False)
-        folder = output or Path()
+        answer = analysed_pump(pump)
+        show_pump(answer, to)
         folder.mkdir(parents=True, exist_ok=True)
-        picture = folder / f"{_safe(pump.serial)}-damage-identification-curve.svg"
+        picture = folder / f"{safe_name(pump.serial)}-damage-identification-curve.svg"
         picture.write_text(curve_svg(pump.curve, f"pump {pump.serial}"), encoding="utf-8")
-        console.print(f"Picture: {picture}", highlight=False)
+        say(f"Picture: {picture}", to=to)
+        answers.append(answer | {"picture": str(picture)})
+    if json_:
+        say_json({"pumps": answers, "refused": [refusal(path, problem) for path, problem in found.refused]})
     if found.refused:
         raise failure(f"{len(found.refused)} of {len(files)} files were refused")
-
-
-def _show_refusal(path: Path, problem: Problem) -> None:
-    console.print(f"[red]refused[/] {path}: {problem.detail}", highlight=False)
-    for fault in problem.errors:
-        console.print(f"  {fault.where}: {fault.problem}", highlight=False, markup=False)
-
-
-def _safe(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_." else "_" for c in name).lstrip(".") or "pump"

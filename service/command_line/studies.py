@@ -1,19 +1,20 @@
 """Commands of engineers: simulate, compare with published evidence, study sensors and verdicts."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress, track
+from rich.console import Console
 
-from service.console import complaints, console, failure
-from service.settings import Settings
+from service.command_line.command import Command
+from service.command_line.console import STANDARD_OUTPUT, Json, complaints, failure, listener, say, say_json
 
-app = typer.Typer()
+app = typer.Typer(rich_markup_mode=None)
 
 
-@app.command()
+@app.command(cls=Command)
 def simulate(
     scenario: Annotated[Path, typer.Argument(help="Scenario file: TOML", exists=True, dir_okay=False)],
     output: Annotated[Path, typer.Option(help="Flight record to write: .parquet or .csv")],
@@ -22,8 +23,14 @@ def simulate(
     circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
     sensors: Annotated[str, typer.Option(help="none (the truth), helicopter or test_bench")] = "none",
     seed: Annotated[int, typer.Option(min=0, help="Another seed is other chance in the sensors")] = 1,
+    json_: Json = False,
 ) -> None:
-    """Simulate a scenario into a flight record; exit code 1 if it stops early, 2 if it is wrong."""
+    """Simulate a scenario into a flight record; exit code 1 if it stops early, 2 if it is wrong.
+
+    With --json: {"output", "rows", "end_s", "complete", "advice", "missing_metadata": [name]}.
+    """
+    from rich.progress import Progress  # noqa: PLC0415
+
     from service.studies.simulation.run import asked, run_file  # noqa: PLC0415 - heavy, and only here
     from service.studies.simulation.scenario_file import ScenarioFaultsError  # noqa: PLC0415
 
@@ -38,15 +45,20 @@ def simulate(
         raise failure(f"{scenario} has {len(error.faults)} fault(s)\n  " + "\n  ".join(error.faults), 2) from None
     except (RuntimeError, OSError) as error:
         raise failure(str(error)) from None
-    console.print(f"{output}: {outcome.n_rows} rows, {outcome.status.time_s:.6g} s", highlight=False, soft_wrap=True)
+    status = outcome.status
+    to = listener(json_)
+    say(f"{output}: {outcome.n_rows} rows, {status.time_s:.6g} s", to=to)
     if outcome.missing:
-        words = f"To upload it, say in the scenario's table metadata: {', '.join(outcome.missing)}."
-        console.print(words, highlight=False, soft_wrap=True)
+        say(f"To upload it, say in the scenario's table metadata: {', '.join(outcome.missing)}.", to=to)
+    if json_:
+        document = {"output": str(output), "rows": outcome.n_rows, "end_s": float(status.time_s)}
+        advice = None if status.ok else status.advice
+        say_json(document | {"complete": bool(status.ok), "advice": advice, "missing_metadata": list(outcome.missing)})
     if not outcome.status.ok:
         raise failure(f"{outcome.status.advice}. What was computed until then is kept.")
 
 
-@app.command()
+@app.command(cls=Command)
 def identify(
     points: Annotated[Path, typer.Argument(help="Test-bench points: CSV", exists=True, dir_okay=False)],
     output: Annotated[Path, typer.Option(help="Parameter set to write: .toml", dir_okay=False)],
@@ -54,9 +66,15 @@ def identify(
     pump: Annotated[str, typer.Option(help="Pump type to start from")] = "h225",
     circuit: Annotated[str, typer.Option(help="Circuit that the pump ran in")] = "acceptance_stand",
     free: Annotated[list[str] | None, typer.Option(help="Number to find, e.g. slipper.h; may be repeated")] = None,
-    json_: Annotated[Path | None, typer.Option("--json", help="Also write all numbers", dir_okay=False)] = None,
+    json_: Annotated[
+        Path | None, typer.Option("--json", help="Also write all numbers: JSON; - is standard output", dir_okay=False)
+    ] = None,
 ) -> None:
-    """Calibrate a pump type from test-bench points; exit code 1 if they determine none of its numbers, 2 if wrong."""
+    """Calibrate a pump type from test-bench points; exit code 1 if they determine none of its numbers, 2 if wrong.
+
+    The JSON: {"pump_type", "circuit", "estimates", "undetermined", "covariance", "correlation", "residuals",
+    "chi_square", "degrees_of_freedom", "p_value", "warnings"}; an estimate has its path, unit, start, value, low and high.
+    """
     from service.studies.bench_points import PointFaultsError  # noqa: PLC0415 - heavy, and only here
     from service.studies.identification import identified  # noqa: PLC0415
 
@@ -66,28 +84,32 @@ def identify(
         raise failure(f"{points} has {len(error.faults)} fault(s)\n  " + "\n  ".join(error.faults), 2) from None
     except (ValueError, OSError) as error:
         raise failure(str(error), 2) from None
-    console.print(found.table)
+    to = _listener(json_)
+    to.print(found.table)
     for line in found.remarks:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-    if json_ is not None:
-        json_.parent.mkdir(parents=True, exist_ok=True)
-        json_.write_text(found.json, encoding="utf-8")
+        say(line, to=to)
+    _write(json_, found.json)
     if not found.written:
         raise failure("the points determine no number of the pump; nothing was written")
-    console.print(f"Parameter set: {output}", highlight=False, soft_wrap=True)
+    say(f"Parameter set: {output}", to=to)
 
 
-@app.command()
+@app.command(cls=Command)
 def learn_priors(
     output: Annotated[Path, typer.Option(help="Parameter set to write: .toml", dir_okay=False)],
     id_: Annotated[str, typer.Option("--id", help="Name of the new pump type")],
     pump: Annotated[str, typer.Option(help="Pump type to learn for")] = "h225",
     operator: Annotated[str | None, typer.Option(help="Learn from this operator's pumps only")] = None,
+    json_: Json = False,
 ) -> None:
-    """Learn how pumps differ from the healthy ones of the stored fleet, as a pump type that can be added."""
+    """Learn how pumps differ from the healthy ones of the stored fleet, as a pump type that can be added.
+
+    With --json: {"output", "pumps", "healthy", "document"}; the document is the body of POST /pump-types.
+    """
     from service.errors import Problem  # noqa: PLC0415
     from service.pump_types.parameter_files import derived_toml  # noqa: PLC0415
     from service.running import opened  # noqa: PLC0415 - heavy, and only here
+    from service.settings import Settings  # noqa: PLC0415
     from service.studies.fleet_priors import learn, remarks  # noqa: PLC0415
 
     if output.suffix.lower() != ".toml":
@@ -107,18 +129,29 @@ def learn_priors(
         raise failure(str(error)) from None
     finally:
         context.database.close()
+    if json_:
+        say_json({"output": str(output), "pumps": found.pumps, "healthy": found.healthy, "document": found.document})
+        return
     for line in remarks(found):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
-    console.print(f"Parameter set: {output}; add it with POST /pump-types", highlight=False, soft_wrap=True)
+        say(line)
+    say(f"Parameter set: {output}; add it with POST /pump-types")
 
 
-@app.command()
+@app.command(cls=Command)
 def validate(
     output: Annotated[Path, typer.Option(help="Where the page goes", dir_okay=False)] = Path("report.html"),
-    json_: Annotated[Path | None, typer.Option("--json", help="Also write the rows as JSON", dir_okay=False)] = None,
+    json_: Annotated[
+        Path | None, typer.Option("--json", help="Also write the rows as JSON; - is standard output", dir_okay=False)
+    ] = None,
     only: Annotated[list[str] | None, typer.Option(help="Only this comparison; may be repeated")] = None,
 ) -> None:
-    """Compare the twin with published evidence; exit code 1 if a row that validates is not met."""
+    """Compare the twin with published evidence; exit code 1 if a row that validates is not met.
+
+    The JSON: [{"evidence", "quantity", "unit", "reference", "value", "tolerance", "within", "fitted"}]; what is no
+    number is null.
+    """
+    from rich.progress import track  # noqa: PLC0415
+
     from service.studies.validation.report import counts_of, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
     from twin.validation.catalogue import EVIDENCE  # noqa: PLC0415
 
@@ -128,19 +161,19 @@ def validate(
     names = [name for name in EVIDENCE if not only or name in only]
     found = {name: EVIDENCE[name]() for name in track(names, "comparing", console=complaints, transient=True)}
     counts = counts_of(found)
-    for path, text in ((output, report_html(found)), (json_, json.dumps(rows_json(found), indent=1) + "\n")):
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
+    to = _listener(json_)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(report_html(found), encoding="utf-8")
+    _write(json_, json.dumps(rows_json(found), indent=1) + "\n")
     words = f"{counts.met} rows met, {counts.not_met} not met; fitted: {counts.fitted_met} met, "
-    console.print(f"{words}{counts.fitted_not_met} not met; {counts.stated} only stated", highlight=False)
-    console.print(f"Report: {output}", highlight=False)
+    say(f"{words}{counts.fitted_not_met} not met; {counts.stated} only stated", to=to)
+    say(f"Report: {output}", to=to)
     if counts.not_met:
         missed = [row.quantity for e in found.values() for row in e.rows if row.within is False and not row.fitted]
         raise failure(f"not met: {'; '.join(missed)}")
 
 
-@app.command()
+@app.command(cls=Command)
 def isolability(
     pump: Annotated[str, typer.Option(help="Pump type")] = "h225",
     circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
@@ -160,9 +193,14 @@ def isolability(
         int | None, typer.Option(help="Every so many flights has windows at 10 and 20 L/min; none without")
     ] = None,
     svg: Annotated[Path | None, typer.Option(help="Also draw it", dir_okay=False)] = None,
-    json_: Annotated[Path | None, typer.Option("--json", help="Also write it as JSON", dir_okay=False)] = None,
+    json_: Annotated[
+        Path | None, typer.Option("--json", help="Also write it as JSON; - is standard output", dir_okay=False)
+    ] = None,
 ) -> None:
-    """Smallest fault of each kind that given sensors detect and isolate; exit code 2 if the study is wrong."""
+    """Smallest fault of each kind that given sensors detect and isolate; exit code 2 if the study is wrong.
+
+    The JSON is the document that POST /twin/isolability answers with.
+    """
     from service.studies.isolability import IsolabilityOptions, isolability_study, isolability_table  # noqa: PLC0415 - heavy, and only here
 
     options = IsolabilityOptions(
@@ -183,18 +221,22 @@ def isolability(
         study = isolability_study(options)
     except ValueError as error:
         raise failure(str(error), 2) from None
-    console.print(isolability_table(study))
+    to = _listener(json_)
+    to.print(isolability_table(study))
     for remark in study.found.remarks:
-        console.print(f"Note: {remark}.", highlight=False, soft_wrap=True)
-    for path, text in ((svg, study.svg), (json_, study.json)):
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text(), encoding="utf-8")
+        say(f"Note: {remark}.", to=to)
+    if svg is not None:
+        svg.parent.mkdir(parents=True, exist_ok=True)
+        svg.write_text(study.svg(), encoding="utf-8")
+    if json_ is not None:
+        _write(json_, study.json())
 
 
-@app.command()
+@app.command(cls=Command)
 def evaluate(
-    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers as JSON", dir_okay=False)] = None,
+    json_: Annotated[
+        Path | None, typer.Option("--json", help="Write all numbers as JSON; - is standard output", dir_okay=False)
+    ] = None,
     html: Annotated[Path | None, typer.Option(help="Write the page", dir_okay=False)] = None,
     pumps: Annotated[int | None, typer.Option(min=4, help="Pumps in each row, over all realities [300]")] = None,
     healthy_records: Annotated[
@@ -209,15 +251,20 @@ def evaluate(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A smoke run of about a minute: few pumps")] = False,
 ) -> None:
-    """Detection study on simulated fleets that differ from the judge's model."""
+    """Detection study on simulated fleets that differ from the judge's model.
+
+    The JSON holds every number of the page: the study as asked for, each row, and each target with what was found.
+    """
     from service.studies.evaluation.command import Outputs, available_cores  # noqa: PLC0415 - heavy, and only here
     from service.studies.evaluation.command import evaluate as evaluated  # noqa: PLC0415
+    from service.studies.evaluation.numbers import study_json  # noqa: PLC0415
     from service.studies.evaluation.plan import StudyFaultsError, sized  # noqa: PLC0415
     from service.studies.evaluation.report import missed  # noqa: PLC0415
 
     try:
         study = sized(rows or (), pumps, healthy_records, seed, quick=quick)
-        results = evaluated(study, Outputs(json_, html, resume), workers or available_cores(), complaints)
+        file = None if _is_output(json_) else json_
+        results = evaluated(study, Outputs(file, html, resume), workers or available_cores(), complaints)
     except StudyFaultsError as error:
         raise failure("\n  ".join(error.faults), 2) from None
     except (RuntimeError, OSError) as error:
@@ -226,9 +273,31 @@ def evaluate(
         kept = f"what is judged is kept: the same command goes on from {resume}" if resume else "nothing is kept"
         raise failure(f"stopped; {kept}", 130) from None
     asked = [f for f in results.findings if f.met is not None]
+    to = _listener(json_)
     for words in missed(results.findings):
-        console.print(f"[red]not met[/] {words}", highlight=False, soft_wrap=True)
-    console.print(f"{sum(f.met is True for f in asked)} of {len(asked)} targets met", highlight=False)
-    for path in (html, json_):
+        say(("not met", "red"), f" {words}", to=to)
+    say(f"{sum(f.met is True for f in asked)} of {len(asked)} targets met", to=to)
+    for path in (html, file):
         if path is not None:
-            console.print(f"Written: {path}", highlight=False, soft_wrap=True)
+            say(f"Written: {path}", to=to)
+    if _is_output(json_):
+        say_json(study_json(results))
+
+
+def _is_output(path: Path | None) -> bool:
+    return path is not None and str(path) == STANDARD_OUTPUT
+
+
+def _listener(path: Path | None) -> Console:
+    return listener(_is_output(path))
+
+
+def _write(path: Path | None, text: str) -> None:
+    """Write a file of numbers, or print it where the name says so."""
+    if path is None:
+        return
+    if _is_output(path):
+        sys.stdout.write(text)
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")

@@ -1,0 +1,87 @@
+"""What ``casedrain analyse`` answers with, as a document and as a table."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+
+from service.command_line.console import say, shown
+
+if TYPE_CHECKING:
+    from service.errors import Problem
+    from service.studies.offline import AnalysedPump
+
+_SHOWN = ("case_pressure_bar", "discharge_pressure_bar")
+_SIGMAS_90 = 1.645
+"""Half of a normal distribution's central 90 %, in standard deviations."""
+
+
+def analysed_pump(pump: "AnalysedPump") -> dict[str, Any]:
+    """One pump's answer: its last verdict, and its files in their order in time; residuals in bar."""
+    states = {a.record_id: a.verdict.state.value for a in pump.assessments}
+    files = []
+    for file in sorted(pump.files, key=lambda f: (f.observation.at, f.observation.record_id)):
+        window = file.observation.reduction.zero_flow
+        residuals = {
+            channel: {"value": float(r.residual), "standard_deviation": float(r.standard_deviation)}
+            for channel, r in file.residuals.items()
+        }
+        files.append(
+            {
+                "file": str(file.path),
+                "state": states[file.observation.record_id],
+                "zero_flow_s": [float(window.start_s), float(window.end_s)] if window else None,
+                "explanation": None if window else file.observation.reduction.explanation,
+                "residuals": residuals,
+            }
+        )
+    verdict = pump.assessments[-1].verdict
+    said = {
+        "state": verdict.state.value,
+        "side": verdict.side.value,
+        "confidence": float(verdict.confidence),
+        "probabilities": {state.value: float(p) for state, p in verdict.probabilities.items()},
+        "candidates": [state.value for state in verdict.candidates],
+        "advice": verdict.advice,
+        "resolving_measurement": verdict.resolving_measurement,
+    }
+    return {"serial": pump.serial, "verdict": said, "files": files}
+
+
+def show_pump(answer: dict[str, Any], to: Console) -> None:
+    """Print a pump's answer as a table and its verdict in words."""
+    table = Table(title=f"Pump {shown(answer['serial'])}")
+    for heading in ("file", "zero-flow window", "case residual [bar]", "discharge residual [bar]", "state"):
+        table.add_column(heading)
+    for file in answer["files"]:
+        span = file["zero_flow_s"]
+        words = f"{span[0]:.0f} to {span[1]:.0f} s" if span else file["explanation"]
+        numbers = [
+            f"{r['value']:+.3f} ± {_SIGMAS_90 * r['standard_deviation']:.3f}" if r else "–"
+            for r in (file["residuals"].get(channel) for channel in _SHOWN)
+        ]
+        table.add_row(shown(Path(file["file"]).name), words, *numbers, file["state"])
+    to.print(table)
+    verdict = answer["verdict"]
+    say((verdict["state"], "bold"), f", side {verdict['side']}: {verdict['advice']}", to=to)
+    if verdict["resolving_measurement"]:
+        say(f"What would tell: {verdict['resolving_measurement']}.", to=to)
+
+
+def refusal(path: Path, problem: "Problem") -> dict[str, Any]:
+    """A file that was not taken, and every fault of it."""
+    errors = [{"where": fault.where, "problem": fault.problem} for fault in problem.errors]
+    return {"file": str(path), "detail": problem.detail, "errors": errors}
+
+
+def show_refusal(path: Path, problem: "Problem", to: Console) -> None:
+    """Print why a file was not taken."""
+    say(("refused", "red"), f" {path}: {problem.detail}", to=to)
+    for fault in problem.errors:
+        say(f"  {fault.where}: {fault.problem}", to=to)
+
+
+def safe_name(name: str) -> str:
+    """A serial number as the name of a file."""
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in name).lstrip(".") or "pump"
