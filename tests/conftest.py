@@ -4,7 +4,7 @@ import itertools
 import os
 import shutil
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,6 +13,7 @@ import structlog
 from service.storage.database import upgrade
 from tests.postgres import binary, cluster, create_database
 
+KINDS = ["sqlite", "postgres"]
 _numbers = itertools.count(1)
 
 
@@ -45,14 +46,25 @@ def migrated_postgres(postgres_cluster: str) -> str:
     return name
 
 
-@pytest.fixture(params=["sqlite", "postgres"])
-def database_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+@pytest.fixture(scope="session")
+def new_database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], str]:
+    """Makes a fresh, migrated database of a kind and gives its URL: for fixtures that live longer than one test."""
+
+    def made(kind: str) -> str:
+        if kind == "sqlite":
+            file = tmp_path_factory.mktemp("database") / "test.sqlite"
+            shutil.copyfile(request.getfixturevalue("migrated_sqlite"), file)
+            return f"sqlite:///{file}"
+        cluster_url = request.getfixturevalue("postgres_cluster")
+        return create_database(cluster_url, f"t{next(_numbers)}", request.getfixturevalue("migrated_postgres"))
+
+    return made
+
+
+@pytest.fixture(params=KINDS)
+def database_url(request: pytest.FixtureRequest, new_database: Callable[[str], str]) -> str:
     """A fresh, migrated database of each kind."""
-    if request.param == "sqlite":
-        file = shutil.copyfile(request.getfixturevalue("migrated_sqlite"), tmp_path / "test.sqlite")
-        return f"sqlite:///{file}"
-    cluster_url = request.getfixturevalue("postgres_cluster")
-    return create_database(cluster_url, f"t{next(_numbers)}", request.getfixturevalue("migrated_postgres"))
+    return new_database(request.param)
 
 
 # the default renderer draws tracebacks with every local variable: half a minute for one that reaches the twin

@@ -1,14 +1,16 @@
-"""A running application on either database, and flight records to send."""
+"""An application at work on either database, and flight records to send."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from fastapi.testclient import TestClient
 
 from service.demo.fleet import PUMPS, DemoRecord, pump_records
 from service.settings import Settings
-from service.web.app import create_app
+from tests.service import lent_application
+from tests.service.lent_application import lent
 
 WORN = next(p for p in PUMPS if "worn" in p.truth.words)
 HEALTHY = PUMPS[0]
@@ -19,10 +21,29 @@ def settings(database_url: str, tmp_path: Path) -> Settings:
     return Settings(database_url=database_url, data_dir=tmp_path / "data", auth="off", max_upload_bytes=2_000_000)
 
 
+@pytest.fixture(scope="session")
+def new_settings(
+    new_database: Callable[[str], str], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[..., Settings]:
+    """Settings of a service on a fresh database of a kind: for fixtures that live longer than one test."""
+
+    def made(kind: str, auth: Literal["on", "off"] = "off") -> Settings:
+        folder = tmp_path_factory.mktemp("data")
+        return Settings(database_url=new_database(kind), data_dir=folder, auth=auth, max_upload_bytes=2_000_000)
+
+    return made
+
+
 @pytest.fixture
 def client(settings: Settings) -> Iterator[TestClient]:
-    with TestClient(create_app(settings), raise_server_exceptions=False) as running:
+    with lent(settings) as running:
         yield running
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _lent_applications_end() -> Iterator[None]:
+    yield
+    lent_application.close()
 
 
 @pytest.fixture(scope="session")

@@ -9,14 +9,14 @@ from fastapi.testclient import TestClient
 
 from service.access.security import new_key
 from service.settings import Settings
-from service.web.app import create_app
+from tests.service.lent_application import lent
 
 
 @contextmanager
 def guarded_client(database_url: str, folder: Path, **settings: Any) -> Iterator[TestClient]:
     """A running service that asks for keys; the client speaks to it as a browser on the same machine would."""
     made = Settings(database_url=database_url, data_dir=folder / "data", auth="on", **settings)
-    with TestClient(create_app(made), base_url="http://localhost", raise_server_exceptions=False) as running:
+    with lent(made, base_url="http://localhost") as running:
         yield running
 
 

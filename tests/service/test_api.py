@@ -1,7 +1,7 @@
 """Reading and administration: pumps, trends, curves, thresholds, keys, roles, tenancy, paging, operations."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -11,7 +11,8 @@ from detectors.words.verdict import TREND_METRICS
 from service.access.security import new_key
 from service.demo.fleet import DemoRecord
 from service.settings import Settings
-from service.web.app import create_app
+from tests.conftest import KINDS
+from tests.service.lent_application import lent
 from tests.service.records import body, document
 
 JSON = {"content-type": "application/json"}
@@ -27,8 +28,17 @@ def put_records(client: TestClient, serials: list[str], **headers: str) -> None:
 
 
 class TestPump:
-    @pytest.fixture
-    def serial(self, client: TestClient, healthy_records: list[DemoRecord]) -> str:
+    """Questions to one pump of twelve records: nothing is changed, so that they share it."""
+
+    @pytest.fixture(scope="class", params=KINDS)
+    @classmethod
+    def client(cls, request: pytest.FixtureRequest, new_settings: Callable[..., Settings]) -> Iterator[TestClient]:
+        with lent(new_settings(request.param)) as running:
+            yield running
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def serial(cls, client: TestClient, healthy_records: list[DemoRecord]) -> str:
         for record in healthy_records:
             headers = {"content-type": "text/csv"}
             assert client.post(f"{API}/records", content=record.content, headers=headers).status_code == 201
@@ -226,8 +236,7 @@ class TestThresholds:
 class TestAuthentication:
     @pytest.fixture
     def guarded(self, database_url: str, tmp_path: Any) -> Iterator[TestClient]:
-        settings = Settings(database_url=database_url, data_dir=tmp_path / "data", auth="on")
-        with TestClient(create_app(settings), raise_server_exceptions=False) as running:
+        with lent(Settings(database_url=database_url, data_dir=tmp_path / "data", auth="on")) as running:
             yield running
 
     @staticmethod
