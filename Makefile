@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 
-.PHONY: help demo test lint format types imports migrations containers serve clean tools
+.PHONY: help demo test test-fast study lint format types imports migrations containers serve clean tools
 
 help: ## show what there is
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -31,9 +31,17 @@ $(VENV)/.installed: pyproject.toml | tools
 demo: $(VENV)/.installed ## simulate a small fleet, upload it, show verdicts, keep serving
 	@"$(BIN)/casedrain" demo $(DEMO_ARGS)
 
-test: $(VENV)/.installed ## run every test but the containerised one
+test: $(VENV)/.installed ## run every test but studies and the containerised one
 	@"$(BIN)/python" -m detectors.warm_up
-	@"$(BIN)/python" -m pytest -n 2 --dist loadfile -m "not containers" $(PYTEST_ARGS)
+	@"$(BIN)/python" -m pytest -n 2 --dist worksteal -m "not containers and not study" $(PYTEST_ARGS)
+
+test-fast: $(VENV)/.installed ## run a selection that enters every room, in a minute
+	@"$(BIN)/python" -m detectors.warm_up
+	@"$(BIN)/python" -m pytest -n 2 --dist worksteal -m fast $(PYTEST_ARGS)
+
+study: $(VENV)/.installed ## run the longer numerical and statistical studies
+	@"$(BIN)/python" -m detectors.warm_up
+	@"$(BIN)/python" -m pytest -n 2 --dist worksteal -m study $(PYTEST_ARGS)
 
 lint: $(VENV)/.installed ## style and common mistakes
 	@"$(BIN)/ruff" check .
