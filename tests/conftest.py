@@ -11,10 +11,16 @@ import pytest
 import structlog
 
 from service.storage.database import upgrade
+from tests.fast_selection import mark_fast
 from tests.postgres import binary, cluster, create_database
 
 KINDS = ["sqlite", "postgres"]
 _numbers = itertools.count(1)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    mark_fast(items)
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.fast_selection import FAST
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
@@ -37,6 +39,14 @@ def test_the_readme_names_commands_that_exist() -> None:
     assert {"demo", "test"} <= named <= targets
     for picture in re.findall(r"\]\((docs/[^)]+)\)", readme):
         assert (ROOT / picture).exists(), picture
+
+
+@pytest.mark.parametrize("entry", FAST)
+def test_the_fast_selection_names_what_there_is(entry: str) -> None:
+    file, *names = entry.split("::")
+    text = (ROOT / file).read_text()
+    for name in names:
+        assert re.search(rf"^ *(class|def) {name}\b", text, re.M), name
 
 
 @pytest.fixture(scope="module")

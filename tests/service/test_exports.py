@@ -11,7 +11,7 @@ from fastapi.testclient import TestClient
 from service.demo.fleet import DemoRecord
 from service.reading import exports
 from service.settings import Settings
-from service.web.app import create_app
+from tests.service.lent_application import lent
 from tests.service.test_jobs import API
 
 
@@ -76,7 +76,7 @@ def test_filters_are_half_open_and_need_a_zone(loaded: TestClient) -> None:
 def test_exports_stay_within_the_operator(settings: Settings, worn_records: list[DemoRecord]) -> None:
     from service.access.security import new_key
 
-    with TestClient(create_app(settings.model_copy(update={"auth": "on"}))) as client:
+    with lent(settings.model_copy(update={"auth": "on"})) as client:
         keys = {}
         with client.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
             for operator in ("north", "south"):

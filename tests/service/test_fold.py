@@ -1,6 +1,7 @@
 """The verdict does not depend on how records arrived: order, repetition, concurrency."""
 
 import random
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -8,6 +9,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from service.demo.fleet import DemoRecord
+from service.settings import Settings
+from tests.service.lent_application import lent
 
 CSV = {"content-type": "text/csv"}
 
@@ -27,13 +30,9 @@ def everything(client: TestClient, serial: str) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def ordered(worn_records: list[DemoRecord], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def ordered(worn_records: list[DemoRecord], new_settings: Callable[..., Settings]) -> dict[str, Any]:
     """What ordered uploads give, on SQLite."""
-    from service.settings import Settings
-    from service.web.app import create_app
-
-    settings = Settings(data_dir=tmp_path_factory.mktemp("ordered"), database_url="", auth="off")
-    with TestClient(create_app(settings)) as client:
+    with lent(new_settings("sqlite")) as client:
         for record in worn_records:
             assert upload(client, record) == 201
         return everything(client, worn_records[0].pump.serial)

@@ -17,7 +17,9 @@ from sqlalchemy import select, update
 from service.notifications import webhook_call
 from service.notifications.guard import Blocked, is_public, target_of
 from service.notifications.worker import BACKOFF_S, Postman
+from service.settings import Settings
 from service.storage.tables import Delivery, Message, Webhook
+from service.web.app import create_app
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
 from tests.service.receivers import NEVER, Inbox, mail_server, webhook_receiver
@@ -32,10 +34,8 @@ def inbox() -> Iterator[Inbox]:
 
 
 @pytest.fixture
-def guarded(database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
-    # the tests turn the postman's round themselves, so that nothing depends on time
-    monkeypatch.setattr(Postman, "start", lambda self: None)
-    monkeypatch.setattr(Postman, "stop", lambda self: None)
+def guarded(database_url: str, tmp_path: Path) -> Iterator[TestClient]:
+    """No postman walks here: the tests turn his round themselves, so that nothing depends on time."""
     with guarded_client(database_url, tmp_path, webhook_allowed_hosts="localhost") as running:
         yield running
 
@@ -386,7 +386,8 @@ class TestMail:
 
 
 def test_the_postman_works_by_itself(database_url: str, tmp_path: Path, inbox: Inbox) -> None:
-    with guarded_client(database_url, tmp_path, webhook_allowed_hosts="localhost") as client:
+    settings = Settings(database_url=database_url, data_dir=tmp_path, auth="on", webhook_allowed_hosts="localhost")
+    with TestClient(create_app(settings)) as client:
         hook(client, key(client, "admin"), inbox.url)
         write(client, "hi")
         assert inbox.arrived.wait(60)

@@ -17,8 +17,8 @@ from service.registry.operators import expire
 from service.registry.ownership import owned_tables, rows_of
 from service.settings import Settings
 from service.storage.tables import Base, Deletion
-from service.web.app import create_app
 from tests.service.finished_job import finished
+from tests.service.lent_application import lent
 from tests.service.records import body, document
 
 JSON = {"content-type": "application/json"}
@@ -30,7 +30,7 @@ Headers = dict[str, str]
 @pytest.fixture
 def guarded(database_url: str, tmp_path: Any) -> Iterator[TestClient]:
     settings = Settings(database_url=database_url, data_dir=tmp_path / "data", auth="on")
-    with TestClient(create_app(settings), raise_server_exceptions=False) as running:
+    with lent(settings) as running:
         yield running
 
 

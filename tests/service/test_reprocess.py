@@ -9,9 +9,9 @@ from fastapi.testclient import TestClient
 from detectors.judgement.version import twin_version
 from service.demo.fleet import DemoRecord
 from service.settings import Settings
-from service.web.app import create_app
 from tests.detectors.fleet import FAULTS, history
 from tests.service.finished_job import finished
+from tests.service.lent_application import lent
 from tests.service.stored_records import store
 from twin.pumps import pump_type
 
@@ -133,7 +133,7 @@ def test_versions_that_do_not_exist_are_refused_by_name(client: TestClient) -> N
 def test_verdicts_by_other_thresholds_take_an_engineer(settings: Settings) -> None:
     from service.access.security import new_key
 
-    with TestClient(create_app(settings.model_copy(update={"auth": "on"}))) as client:
+    with lent(settings.model_copy(update={"auth": "on"})) as client:
         context = client.app.state.context  # type: ignore[attr-defined]
         store(context, FLIGHTS[:3], "P-1", "north")
         with context.database.writing() as session:

@@ -11,9 +11,9 @@ from fastapi.testclient import TestClient
 
 from service.demo.fleet import DemoRecord
 from service.settings import Settings
-from service.web.app import create_app
 from tests.service.finished_job import finished
 from tests.service.guarded import guarded_client, key
+from tests.service.lent_application import lent
 
 URL = "/api/v1/thresholds"
 CSV = {"content-type": "text/csv"}
@@ -177,7 +177,7 @@ class TestPreview:
 
     def test_the_work_is_bounded(self, database_url: str, tmp_path: Path, healthy_records: list[DemoRecord]) -> None:
         settings = Settings(database_url=database_url, data_dir=tmp_path, auth="off", max_preview_records=2)
-        with TestClient(create_app(settings)) as client:
+        with lent(settings) as client:
             serial = upload(client, healthy_records[:3])
             body = {"scope": "fleet", "id": "default", "values": {"alarm_records": 5}}
             answer = client.post(f"{URL}/preview", json=body)

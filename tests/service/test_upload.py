@@ -13,6 +13,7 @@ from service.demo.fleet import DemoRecord
 from service.settings import Settings
 from service.storage.tables import Pump, Record, Refusal, StoredAssessment
 from service.web.app import create_app
+from tests.service.lent_application import lent
 from tests.service.records import METADATA, body, document
 
 JSON = {"content-type": "application/json"}
@@ -243,7 +244,7 @@ def test_too_large_is_413(client: TestClient) -> None:
 def test_a_gzip_bomb_is_413(settings: Settings) -> None:
     bomb = gzip.compress(b"0" * 50_000_000)
     assert len(bomb) < 100_000
-    with TestClient(create_app(settings.model_copy(update={"max_inflated_bytes": 1_000_000}))) as client:
+    with lent(settings.model_copy(update={"max_inflated_bytes": 1_000_000})) as client:
         assert post(client, bomb, {"content-type": "application/gzip"}).status_code == 413
 
 

@@ -1,0 +1,72 @@
+"""What `make test-fast` runs: files, classes and tests that enter every room of the house within a minute."""
+
+import pytest
+
+FAST = (
+    "tests/project/test_project.py::test_every_dependency_has_a_lower_and_an_upper_bound",
+    "tests/project/test_project.py::test_files_stay_readable",
+    "tests/project/test_project.py::test_the_fast_selection_names_what_there_is",
+    "tests/project/test_project.py::test_the_readme_names_commands_that_exist",
+    "tests/twin/test_geometry.py",
+    "tests/twin/test_laws.py",
+    "tests/twin/test_laws_compensator.py",
+    "tests/twin/test_linear.py",
+    "tests/twin/test_mechanisms.py",
+    "tests/twin/test_operating_point.py::TestAcceptanceSheet",
+    "tests/twin/test_operating_point.py::TestWhatMovesWhat",
+    "tests/twin/test_orders.py",
+    "tests/twin/test_parameters.py",
+    "tests/twin/test_transient.py::TestParts",
+    "tests/twin/test_transient.py::TestRuns::test_a_stream_of_pieces_is_the_run_in_memory",
+    "tests/twin/test_transient.py::test_mass_is_conserved",
+    "tests/twin/test_validation_wear.py",
+    "tests/twin/test_written.py",
+    "tests/detectors/test_assessment.py::test_each_fault_ends_on_its_side_or_undecided_with_it",
+    "tests/detectors/test_curve.py",
+    "tests/detectors/test_evaluation_readings.py",
+    "tests/detectors/test_filter_bank.py",
+    "tests/detectors/test_isolability.py::test_more_flights_never_make_it_worse",
+    "tests/detectors/test_isolation.py",
+    "tests/detectors/test_load_steps.py",
+    "tests/detectors/test_prognosis.py::test_a_clean_line_is_forecast_to_the_hour",
+    "tests/detectors/test_prognosis.py::test_the_passage_law_is_the_inverse_gaussian",
+    "tests/detectors/test_reduced_twin.py",
+    "tests/detectors/test_scores.py",
+    "tests/detectors/test_statistics.py",
+    "tests/service/test_alarm_life_cycle.py",
+    "tests/service/test_alarms.py::TestHistoryThatChanges",
+    "tests/service/test_api.py::TestPump",
+    "tests/service/test_api.py::TestAuthentication",
+    "tests/service/test_audit.py::test_filters_and_pages",
+    "tests/service/test_cli.py::test_analyse_gives_verdict_and_picture_without_a_server",
+    "tests/service/test_cli.py::test_version_and_help",
+    "tests/service/test_client.py",
+    "tests/service/test_database.py",
+    "tests/service/test_demo.py",
+    "tests/service/test_evaluate.py::test_rows_are_chosen_by_name_with_and_without_burst",
+    "tests/service/test_evaluate.py::test_large_leakage_is_found_and_called_by_no_wrong_side",
+    "tests/service/test_exports.py",
+    "tests/service/test_formats.py",
+    "tests/service/test_identify.py",
+    "tests/service/test_isolability.py",
+    "tests/service/test_job_documents.py::test_a_report_of_one_operator_as_page_and_numbers",
+    "tests/service/test_jobs.py::test_bad_members_are_refused_by_name_while_the_good_ones_count",
+    "tests/service/test_lent_application.py",
+    "tests/service/test_mappings.py",
+    "tests/service/test_notifications.py::TestDelivery",
+    "tests/service/test_openapi.py",
+    "tests/service/test_page_forms.py",
+    "tests/service/test_registry.py::TestAircraft",
+    "tests/service/test_registry_history.py::TestFindings",
+    "tests/service/test_sign_in.py::TestSessions",
+    "tests/service/test_simulation_api.py::test_channels_settle_at_the_operating_point",
+    "tests/service/test_snapshots.py::test_a_history_keeps_few_snapshots_and_what_it_keeps_it_had",
+    "tests/service/test_validate.py",
+)
+
+
+def mark_fast(items: list[pytest.Item]) -> None:
+    """Mark the tests of the selection; studies stay out of it."""
+    for item in items:
+        if item.nodeid.startswith(FAST) and item.get_closest_marker("study") is None:
+            item.add_marker(pytest.mark.fast)
