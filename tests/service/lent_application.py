@@ -6,6 +6,7 @@ run on the test's own database, in an engine that starts with the first of them.
 what was left, delivering messages, expiry) is seen by the tests that start an application themselves.
 """
 
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -78,14 +79,16 @@ def _workers_of_all(parser: ParserPool) -> Iterator[None]:
 
 @contextmanager
 def _jobs_on_demand(context: Context) -> Iterator[None]:
-    started = False
+    started, starting = False, threading.Lock()
     submit = engine.submit
 
     def start_and_submit(job_id: str) -> None:
         nonlocal started
-        if engine._engine is None:
-            engine.start(context)
-            started = engine._engine is not None
+        with starting:
+            # an engine on another database refuses, as it does where an application starts
+            if engine._engine is None or engine._engine.url != engine.system_url(context.database.url):
+                engine.start(context)
+                started = engine._engine is not None
         submit(job_id)
 
     try:
