@@ -3,15 +3,19 @@
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
+from unittest import mock
 
 import pytest
+from argon2 import PasswordHasher
 from fastapi.testclient import TestClient
 
+from service.access import users
 from service.demo.fleet import PUMPS, DemoRecord, pump_records
 from service.settings import Settings
 from tests.service import lent_application
 from tests.service.lent_application import lent
 
+REAL_HASHER = users._hasher
 WORN = next(p for p in PUMPS if "worn" in p.truth.words)
 HEALTHY = PUMPS[0]
 
@@ -44,6 +48,15 @@ def client(settings: Settings) -> Iterator[TestClient]:
 def _lent_applications_end() -> Iterator[None]:
     yield
     lent_application.close()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _passwords_cost_little() -> Iterator[None]:
+    """A hash of a password is slow by intention, a third of a second of processor; test_sign_in looks at the real one."""
+    quick = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+    nobody = quick.hash("nobody has this password")
+    with mock.patch.object(users, "_hasher", quick), mock.patch.object(users, "_NOBODY", nobody):
+        yield
 
 
 @pytest.fixture(scope="session")

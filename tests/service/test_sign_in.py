@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from service.command_line.main import app
 from service.storage.tables import ApiKey, FailedSignIn, SignedIn, User
+from tests.service.conftest import REAL_HASHER
 from tests.service.guarded import guarded_client, key
 
 PASSWORD = "a long enough sentence"
@@ -136,6 +137,12 @@ class TestSessions:
         make(guarded, admin, "sue", operator="south")
         sign_in(guarded, name="norma", password=PASSWORD)
         assert [u["name"] for u in guarded.get("/api/v1/users").json()["items"]] == ["norma"]
+
+
+def test_a_guess_costs_what_rfc_9106_asks() -> None:
+    """Its second recommended option: three passes over 64 MiB in four lanes."""
+    assert (REAL_HASHER.time_cost, REAL_HASHER.memory_cost, REAL_HASHER.parallelism) == (3, 65536, 4)
+    assert REAL_HASHER.hash("any").startswith("$argon2id$v=19$m=65536,t=3,p=4$")
 
 
 class TestGuessing:
