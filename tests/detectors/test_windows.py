@@ -106,6 +106,74 @@ def test_what_is_not_steady_is_rejected_with_its_reason(name: str, drift: float,
     assert any(reason in str(w.reason) for w in found)
 
 
+@pytest.mark.parametrize(
+    ("name", "limit"),
+    [
+        ("shaft_speed_rpm", 0.01 * 4600.0),  # 1 % of the speed itself
+        ("fluid_temperature_degc", 2.0),  # 2 K
+        ("case_pressure_bar", 0.01 * 5.0),  # 1 % of 5 bar full scale
+        ("discharge_pressure_bar", 0.01 * 350.0),
+        ("reservoir_pressure_bar", 0.01 * 5.0),
+    ],
+)
+def test_what_is_steady_ends_at_the_stated_limit(name: str, limit: float) -> None:
+    """A single step half-way through the stretch is a swing of its own height; the defaults of the thresholds' table."""
+    smooth = {
+        "discharge_pressure_bar": 174.0,
+        "case_pressure_bar": 0.9,
+        "shaft_speed_rpm": 4600.0,
+        "fluid_temperature_degc": 50.0,
+        "reservoir_pressure_bar": 0.5,
+    }
+    for share in (0.95, 1.05):
+        channels = {n: np.full(32, value) for n, value in smooth.items()}
+        channels[name][16:] += share * limit
+        (window,) = steady_windows(Recording({"time_s": np.arange(32.0), **channels}), PUMP, THRESHOLDS)
+        assert window.accepted == (share < 1.0), (name, window.reason)
+
+
+@pytest.mark.parametrize(("share", "regulated"), [(0.7, False), (0.8, False), (0.9, True), (1.0, True)])
+def test_only_a_regulated_pressure_is_zero_flow(share: float, regulated: bool) -> None:
+    """Table 2-1 of the thesis: 173 bar at least at zero flow; a pump that a consumer pulls below 85 % of it delivers."""
+    base = recording()
+    steady = changed(base, "discharge_pressure_bar", np.where(base.time_s >= 40, share * 173.0, 8.0))
+    quiet = changed(steady, "flight_control_activity", np.zeros(len(base)))
+    assert bool(windows(quiet)) == regulated
+
+
+@pytest.mark.parametrize(("share", "turning"), [(0.65, False), (0.75, True)])
+def test_a_pump_that_turns_slowly_is_not_at_zero_flow(share: float, turning: bool) -> None:
+    base = recording()
+    slow = changed(base, "shaft_speed_rpm", np.where(base.time_s >= 40, share * PUMP.nominal_speed_rpm, 0.0))
+    assert bool(windows(slow)) == turning
+
+
+def test_after_a_shutdown_the_line_has_thirty_seconds_to_settle() -> None:
+    """The case pressure falls for 29 s after the pump stopped and only then is the reservoir's."""
+    n, stopped = 140, 60
+    time = np.arange(float(n))
+    rng = np.random.default_rng(8)
+    decay = 0.4 * np.clip(1.0 - (time - stopped) / 29.0, 0.0, 1.0)
+    found = reduce_recording(
+        Recording(
+            {
+                "time_s": time,
+                "discharge_pressure_bar": np.where(time < stopped, 174.0, 8.0),
+                "case_pressure_bar": 0.5 + OFFSET + decay + rng.normal(0.0, 0.002, n),
+                "shaft_speed_rpm": np.where(time < stopped, 4600.0, 0.0),
+                "fluid_temperature_degc": np.full(n, 50.0),
+                "reservoir_pressure_bar": np.full(n, 0.5),
+            }
+        ),
+        PUMP,
+        THRESHOLDS,
+    )
+    (off,) = (w for w in found.windows if w.kind is WindowKind.PUMP_OFF)
+    assert (off.start_s, off.accepted) == (stopped + 30.0, True)
+    assert found.zero.measured
+    assert found.zero.offset_bar == pytest.approx(OFFSET, abs=0.002)
+
+
 def test_a_slow_drift_cuts_the_stretch_into_steady_windows() -> None:
     base = recording(zero_s=240)
     ramp = np.clip((base.time_s - 40) / 240, 0, 1) * 6.0

@@ -16,12 +16,12 @@ from unittest import mock
 from anyio.from_thread import BlockingPortal, start_blocking_portal
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
-from service.running import opened
 
 import detectors.warm_up
 from service.context import Context
 from service.ingest.parser_pool import ParserPool
 from service.jobs import engine
+from service.running import opened
 from service.settings import Settings
 from service.web.app import create_app
 

@@ -1,6 +1,6 @@
 """Thresholds in layers: order across layers, restore, preview against apply, windows found again."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from pathlib import Path
@@ -9,8 +9,14 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from detectors.words.thresholds import KEYS
+from service.access.security import EVERYBODY
+from service.context import Context
 from service.demo.fleet import DemoRecord
+from service.running import opened
 from service.settings import Settings
+from service.thresholds.layers import Scope, effective_thresholds, pump_scopes
+from service.thresholds.layers import put as put_version
 from tests.service.finished_job import finished
 from tests.service.guarded import guarded_client, key
 from tests.service.lent_application import lent
@@ -100,6 +106,62 @@ class TestLayers:
         assert [e["details"]["version"] for e in entries] == [3, 2, 1]
         assert entries[1]["details"]["before"] == {"alarm_records": 4}
         assert {(e["actor"], e["subject"]) for e in entries} == {("eva", "thresholds/operator/north")}
+
+
+def versions_of(context: Context, *layers: Scope) -> None:
+    """Versions 1 to n, one per layer in this order; each asks for as many records as its number plus ten."""
+    for number, scope in enumerate(layers, 1):
+        with context.database.writing() as session:
+            assert (
+                put_version(session, scope, {"alarm_records": 10.0 + number}, "test", EVERYBODY, "*").number == number
+            )
+
+
+class TestOrderOfLayers:
+    FLEET, KIND = Scope("fleet", "default"), Scope("pump-type", "h225")
+    OPERATOR, PUMP = Scope("operator", "north"), Scope("pump", "P-1", "north")
+
+    @pytest.fixture
+    def context(self, settings: Settings) -> Iterator[Context]:
+        made = opened(settings)
+        yield made
+        made.close()
+
+    @pytest.mark.parametrize(
+        "layers",
+        [(FLEET, KIND, OPERATOR, PUMP), (PUMP, OPERATOR, KIND, FLEET)],
+        ids=["widest first", "narrowest first"],
+    )
+    def test_the_narrower_layer_wins_whichever_was_written_last(
+        self, context: Context, layers: Sequence[Scope]
+    ) -> None:
+        """Fleet, pump type, operator, pump: each is narrower than the one before, whatever the versions' numbers."""
+        versions_of(context, *layers)
+        narrowing = (self.FLEET, self.KIND, self.OPERATOR, self.PUMP)
+        assert pump_scopes("north", "P-1", "h225") == narrowing
+        with context.database.reading() as session:
+            for n in range(1, 5):
+                # the layers that stand above the narrowest of these have no say
+                found = effective_thresholds(session, pump_scopes("north", "P-1", "h225")[:n])
+                narrowest = narrowing[n - 1]
+                assert found.values["alarm_records"] == 11 + layers.index(narrowest)
+                assert found.origin["alarm_records"] == f"{narrowest.kind}/{narrowest.id}"
+                assert found.version == 1 + max(layers.index(scope) for scope in narrowing[:n])
+
+    def test_up_to_a_version_holds_that_version(self, context: Context) -> None:
+        """One counter for the whole service: what stood when version n was the newest."""
+        versions_of(context, self.FLEET, self.OPERATOR, self.PUMP)
+        scopes = pump_scopes("north", "P-1", "h225")
+        with context.database.reading() as session:
+            found = [effective_thresholds(session, scopes, up_to=n) for n in range(4)]
+        assert [f.version for f in found] == [0, 1, 2, 3]
+        default = next(k.default for k in KEYS if k.name == "alarm_records")
+        assert [f.values["alarm_records"] for f in found] == [default, 11, 12, 13]
+
+    def test_another_operators_pump_of_the_same_serial_has_its_own(self, context: Context) -> None:
+        versions_of(context, self.PUMP)
+        with context.database.reading() as session:
+            assert effective_thresholds(session, pump_scopes("south", "P-1", "h225")).version == 0
 
 
 class TestPreview:
