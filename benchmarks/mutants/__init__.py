@@ -1,0 +1,1 @@
+"""One-line changes that tests must notice: ``python -m benchmarks.mutants``, or ``make mutants``."""

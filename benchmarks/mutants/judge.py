@@ -1,0 +1,99 @@
+"""Changes of what is measured, weighed and said: reduction, bank, judgement."""
+
+from benchmarks.mutants.catalogue import Mutant
+
+_WINDOWS, _STATISTICS = ("tests.detectors.test_windows",), ("tests.detectors.test_statistics_referee",)
+_STEPS = ("tests.detectors.test_load_steps",)
+_ASSESSMENT, _ISOLATION = ("tests.detectors.test_assessment",), ("tests.detectors.test_isolation",)
+_SPREADS = ("tests.detectors.test_bank_rules",)
+
+
+def _reduction(module: str, fragment: str, replacement: str, tests: tuple[str, ...] = _WINDOWS) -> Mutant:
+    return Mutant("reduction", module, fragment, replacement, tests)
+
+
+def _bank(module: str, fragment: str, replacement: str, *, plain: bool = False) -> Mutant:
+    return Mutant("bank", module, fragment, replacement, _SPREADS, plain=plain)
+
+
+def _judgement(
+    module: str, fragment: str, replacement: str, select: str = "", tests: tuple[str, ...] = _ASSESSMENT
+) -> Mutant:
+    return Mutant("judgement", module, fragment, replacement, tests, select)
+
+
+MUTANTS: tuple[Mutant, ...] = (
+    _reduction("detectors.reduction.windows", "_swing(part), share * sensor", "_swing(part), 2.0 * share * sensor"),
+    _reduction("detectors.reduction.windows", "LOWEST_PRESSURE_FRACTION = 0.85", "LOWEST_PRESSURE_FRACTION = 0.5"),
+    _reduction("detectors.reduction.windows", "LOWEST_SPEED_FRACTION = 0.7", "LOWEST_SPEED_FRACTION = 0.5"),
+    _reduction("detectors.reduction.windows", "100.0 * speed > band * centre", "50.0 * speed > band * centre"),
+    _reduction("detectors.reduction.windows", "if drift > limit:", "if drift > 2.0 * limit:"),
+    _reduction("detectors.reduction.windows", "MOST_MISSING = 0.2", "MOST_MISSING = 1.0"),
+    _reduction("detectors.reduction.windows", "zero & known & ~flowing", "zero & ~flowing"),
+    _reduction("detectors.reduction.windows", "quiet &= ~(activity > ", "quiet &= (activity >= 0.0) | ~(activity > "),
+    _reduction("detectors.reduction.windows", "- held) > step", "- held) > 100.0 * step"),
+    _reduction("detectors.reduction.zero", "SETTLING_AFTER_SHUTDOWN_S = 30.0", "SETTLING_AFTER_SHUTDOWN_S = 0.0"),
+    _reduction("detectors.reduction.zero", "abs(b.mean - a.mean), 0.01 *", "abs(b.mean - a.mean), 1.0 *"),
+    _reduction("detectors.reduction.zero", "UNMEASURED_RESERVOIR_SD_BAR = 0.10", "UNMEASURED_RESERVOIR_SD_BAR = 0.01"),
+    _reduction("detectors.reduction.zero", "PUMP_OFF_SPEED_FRACTION = 0.05", "PUMP_OFF_SPEED_FRACTION = 0.2"),
+    _reduction("detectors.reduction.statistics", "SPIKE_SIGMAS = 6.0", "SPIKE_SIGMAS = 8.0", _STATISTICS),
+    _reduction("detectors.reduction.statistics", "/ covariance[0] - 1.0))", "/ covariance[0]))", _STATISTICS),
+    _reduction("detectors.reduction.statistics", "np.sqrt(12.0 * n)", "np.sqrt(n)", _STATISTICS),
+    _reduction("detectors.reduction.statistics", "max(n - tau, 0.5 * n / (n - 1))", "max(n - 1.0, 0.5)", _STATISTICS),
+    _reduction("detectors.reduction.statistics", "block_s + 1.0e-6)", "block_s - 1.0e-6)", _STATISTICS),
+    _reduction(
+        "detectors.reduction.load_steps", "droop = -change / flow_change", "droop = change / flow_change", _STEPS
+    ),
+    _bank(
+        "detectors.bank.hypotheses",
+        '"setting": population["pressure_setting_bar"]',
+        '"setting": 2.0 * population["pressure_setting_bar"]',
+    ),
+    _bank("detectors.bank.hypotheses", "variance[PLACE[name]] = sd**2", "variance[PLACE[name]] = sd"),
+    _bank("detectors.bank.hypotheses", "table[k, INDEX[name]] = share", "table[k, INDEX[name]] = 1.0"),
+    _bank("detectors.bank.hypotheses", "-np.inf if h is None else h", "0.0 if h is None else h"),
+    _bank(
+        "detectors.bank.bank",
+        'walk[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2',
+        'walk[PLACE["reservoir"]] *= 1.0',
+    ),
+    _bank(
+        "detectors.bank.bank",
+        "if not self.reservoir_measured:\n            most",
+        "if self.reservoir_measured:\n            most",
+    ),
+    _bank("detectors.bank.kernel", "P[i, AMPLITUDE] += P[i, RATE]", "P[i, AMPLITUDE] += 0.0", plain=True),
+    _bank("detectors.bank.kernel", "m[AMPLITUDE] += m[RATE]", "m[AMPLITUDE] += 0.0", plain=True),
+    _bank("detectors.bank.kernel", "d -= A[j, k] * A[j, k]", "d -= A[j, k]", plain=True),
+    _bank("detectors.bank.kernel", "log_det += 2.0 * math.log", "log_det += math.log", plain=True),
+    _bank("detectors.bank.kernel", "(STUDENT_DEGREES + k) * math.log1p", "STUDENT_DEGREES * math.log1p", plain=True),
+    _judgement("detectors.judgement.estimates", "Z_90 = 1.645", "Z_90 = 1.0", "nine_in_ten"),
+    _judgement("detectors.judgement.estimates", "(1.0 - share) * spread**2", "spread**2", "nine_in_ten"),
+    _judgement("detectors.judgement.assessment", "half = 1.645 * residual", "half = 1.0 * residual", "nine_in_ten"),
+    _judgement("detectors.judgement.assessment", "half = 1.645 * mean", "half = 1.0 * mean", "nine_in_ten"),
+    _judgement("detectors.judgement.assessment", '"setting_adjusted": ("setting",)', '"setting_adjusted": ()', "frees"),
+    _judgement(
+        "detectors.judgement.assessment", "key=lambda o: (o.at, o.record_id))", "key=lambda o: o.at)", "instant"
+    ),
+    _judgement("detectors.judgement.assessment", "if missing <= 0:", "if missing < 0:", "since_is or eighth"),
+    _judgement("detectors.judgement.isolation", "alarm.above + 1 if", "alarm.above if", "", _ISOLATION),
+    _judgement("detectors.judgement.isolation", "_KEPT = 0.82", "_KEPT = 1.0", "", _ISOLATION),
+    _judgement(
+        "detectors.judgement.isolation",
+        'thresholds["alarm_off_log_odds"]',
+        'thresholds["alarm_on_log_odds"]',
+        "",
+        _ISOLATION,
+    ),
+    _judgement("detectors.judgement.isolation", "share[f])[-2:]", "share[f])[-1:]", "", _ISOLATION),
+    _judgement("detectors.judgement.isolation", "WORN_RECORDS = 4", "WORN_RECORDS = 6", "", _ISOLATION),
+    _judgement(
+        "detectors.words.flights", "and outline.segment is None", "and False", "", ("tests.detectors.test_flights",)
+    ),
+    _judgement(
+        "detectors.words.flights", "elif outline.has_spectrum and", "elif", "", ("tests.detectors.test_flights",)
+    ),
+    _judgement(
+        "detectors.words.flights", "if not outline.has_zero_flow:", "if False:", "", ("tests.detectors.test_flights",)
+    ),
+)

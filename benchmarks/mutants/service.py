@@ -1,0 +1,100 @@
+"""Changes of what the service decides: layers of thresholds, access and tenancy, alarms."""
+
+from benchmarks.mutants.catalogue import Mutant
+
+_LAYERS, _TIES = ("tests.service.test_thresholds",), ("tests.service.test_ties",)
+_LIFE, _LEDGER = ("tests.service.test_alarm_life_cycle",), ("tests.service.test_alarms",)
+_TENANCY, _SIGN_IN, _PLACES = (
+    ("tests.service.test_tenancy",),
+    ("tests.service.test_sign_in",),
+    ("tests.service.test_registry_placement",),
+)
+_LIFE_CYCLE, _LAYERS_OF = "service.alarms.life_cycle", "service.thresholds.layers"
+
+
+def _layers(fragment: str, replacement: str, select: str = "TestOrder and sqlite") -> Mutant:
+    return Mutant("layers", _LAYERS_OF, fragment, replacement, _LAYERS, select)
+
+
+def _access(module: str, fragment: str, replacement: str, tests: tuple[str, ...], select: str = "sqlite") -> Mutant:
+    return Mutant("access", module, fragment, replacement, tests, select)
+
+
+def _life(fragment: str, replacement: str) -> Mutant:
+    return Mutant("alarms", _LIFE_CYCLE, fragment, replacement, _LIFE)
+
+
+def _ledger(fragment: str, replacement: str) -> Mutant:
+    return Mutant("alarms", "service.alarms.ledger", fragment, replacement, _LEDGER, "sqlite")
+
+
+MUTANTS: tuple[Mutant, ...] = (
+    _layers(
+        'Scope("pump-type", pump_type),\n        Scope("operator", operator),',
+        'Scope("operator", operator),\n        Scope("pump-type", pump_type),',
+    ),
+    _layers("ThresholdVersion.number <= up_to", "ThresholdVersion.number < up_to"),
+    _layers("version = max(version, row.number)", "version = row.number"),
+    _layers('Scope("pump", serial, operator),', 'Scope("pump", serial),'),
+    _layers("number = newest_number(session) + 1", "number = (current.number if current else 0) + 1"),
+    _layers(
+        'accepted = {"*", tag} if current is None else {tag}', 'accepted = {"*", tag}', "of_two_changes and sqlite"
+    ),
+    _layers("newest = _newest(session) | {scope: values}", "newest = {scope: values}", "levels_must and sqlite"),
+    Mutant(
+        "layers",
+        "service.history.knowledge",
+        "key=lambda p: (p.outline.at, p.outline.record_id))",
+        "key=lambda p: p.outline.at)",
+        _TIES,
+        "sqlite",
+    ),
+    _access(
+        "service.access.security", "row.expires_at <= now", "row.expires_at >= now", _SIGN_IN, "TestKeys and sqlite"
+    ),
+    _access("service.access.security", ">= ROLES.index(role)", "> ROLES.index(role)", _TENANCY, "who_may and sqlite"),
+    _access("service.access.security", "if row.revoked_at is not None:", "if False:", _SIGN_IN, "TestKeys and sqlite"),
+    _access(
+        "service.access.sessions",
+        "now - row.last_used_at > timedelta(minutes",
+        "now - row.last_used_at < -timedelta(minutes",
+        _SIGN_IN,
+    ),
+    _access(
+        "service.access.sessions", "if count >= _MOST_FAILURES[what]:", "if count > _MOST_FAILURES[what]:", _SIGN_IN
+    ),
+    _access("service.access.sessions", "user.disabled_at is None", "True", _SIGN_IN),
+    _access(
+        "service.reading.queries",
+        "if row is None or principal.operator not in (None, row.operator):",
+        "if row is None:",
+        _TENANCY,
+        "nothing_of and sqlite",
+    ),
+    _access("service.history.placement", "at < self.removed_at", "at <= self.removed_at", _PLACES),
+    _access(
+        "service.history.placement",
+        "return self.installed_at <= at and",
+        "return self.installed_at < at and",
+        _PLACES,
+    ),
+    _life(">= rules.on_flights", "> rules.on_flights"),
+    _life("{p.flight_id for p in rising}", "{p.record_id for p in rising}"),
+    _life(">= rules.off_flights", "> rules.off_flights"),
+    _life(' or point.state == "insufficient_data":', ":"),
+    _life("rules.limit_off_lpm if before else rules.limit_lpm", "rules.limit_lpm"),
+    _life("limit * (1.0 - thresholds", "limit * (1.0 + thresholds"),
+    _life('{"sensor_fault": "low", "indeterminate": "medium"}', '{"sensor_fault": "low", "indeterminate": "high"}'),
+    _life(
+        "if handled and (rank > known.rank or (renamed and rank == known.rank)):", "if handled and rank > known.rank:"
+    ),
+    _life("covers = rank >= PRIORITIES.index(life.priority)", "covers = True"),
+    _life("known.rank = max(known.rank, rank)", "known.rank = -1"),
+    _life("closed_at=action.done_at, acknowledged=True", "closed_at=action.done_at, acknowledged=False"),
+    _life("rising = [*rising, point] if faulty else []", "rising = [*rising, point] if faulty else rising"),
+    _ledger("row.withdrawn_at is None and alarm.overlaps", "alarm.overlaps"),
+    _ledger("return alarm.covers(row.onset_at)", "return False"),
+    _ledger('before["closed_at"] is None and after["closed_at"] is not None', "False"),
+    _ledger('"active" if alarm.cleared_at is None else "cleared"', '"active"'),
+    _ledger("if row.id not in held and row.withdrawn_at is None:", "if False:"),
+)
