@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 
-.PHONY: help demo test test-fast study lint format types imports migrations containers serve clean tools
+.PHONY: help demo test test-fast study lint format types imports migrations containers serve mutants clean tools
 
 help: ## show what there is
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -62,6 +62,9 @@ migrations: $(VENV)/.installed ## tables and migrations agree, on SQLite and on 
 
 containers: $(VENV)/.installed ## build and run the image and the compose file on a real engine (root, Debian)
 	@"$(BIN)/python" -m pytest -p no:xdist -m containers tests/containers $(PYTEST_ARGS)
+
+mutants: $(VENV)/.installed ## change a line at a time and see whether tests notice (half an hour)
+	@"$(BIN)/python" -m benchmarks.mutants $(MUTANTS_ARGS)
 
 serve: $(VENV)/.installed ## serve API and pages on this machine
 	@"$(BIN)/casedrain" serve

@@ -29,7 +29,10 @@ _FAILED = 1
 def copied(into: Path) -> None:
     """Copy what belongs to the repository, so that nobody's own files are changed."""
     listed = subprocess.run(
-        ["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=ROOT, capture_output=True, check=True
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],  # noqa: S607 - whichever git there is
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
     )
     for name in listed.stdout.decode().splitlines():
         if (ROOT / name).is_file() and not (ROOT / name).is_symlink():
@@ -46,7 +49,9 @@ def outcome(tree: Path, mutant: Mutant) -> str:
     if mutant.plain:
         environment["NUMBA_DISABLE_JIT"] = "1"
     try:
-        ended = subprocess.run(command, cwd=tree, env=environment, capture_output=True, timeout=LIMIT_S, check=False)
+        ended = subprocess.run(  # noqa: S603 - our own tests
+            command, cwd=tree, env=environment, capture_output=True, timeout=LIMIT_S, check=False
+        )
     except subprocess.TimeoutExpired:
         return "timed out"
     return {0: "survived", _FAILED: "killed"}.get(ended.returncode, "error")
