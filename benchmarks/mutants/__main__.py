@@ -45,7 +45,7 @@ def outcome(tree: Path, mutant: Mutant) -> str:
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--no-header"]
     command += [str(file_of(test)) for test in mutant.tests]
     command += ["-k", mutant.select] if mutant.select else []
-    environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {**os.environ, "PYTHONPATH": str(tree)}
     if mutant.plain:
         environment["NUMBA_DISABLE_JIT"] = "1"
     try:
