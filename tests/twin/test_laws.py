@@ -201,3 +201,4 @@ def test_flow_coefficient_has_no_jump_at_the_critical_flow_number() -> None:
 def test_viersma_coefficient_is_continuous_at_its_transition() -> None:
     Re_t = (0.611 / 0.17) ** 2
     assert viersma_coefficient(Re_t * 0.999999, 0.17, 0.611) == pytest.approx(0.611, rel=1e-5)
+    assert viersma_coefficient(Re_t * 9.0, 0.17, 0.611) == 0.611  # turbulent: no more by Re
