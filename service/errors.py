@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import Any
+from typing import Any, cast
+
+from service.answers import problems as answers
 
 PROBLEM_JSON = "application/problem+json"
 
@@ -46,10 +48,10 @@ class Problem(Exception):
         self.headers = dict(headers or {})
         self.extra = dict(extra or {})
 
-    def body(self) -> dict[str, Any]:
+    def body(self) -> answers.Problem:
         """Members of the problem document."""
         slug = self.title.lower().replace(" ", "-")
-        body: dict[str, Any] = {
+        body: answers.Problem = {
             "type": f"urn:casedrain:problem:{slug}",
             "title": self.title,
             "status": int(self.status),
@@ -57,7 +59,7 @@ class Problem(Exception):
         }
         if self.errors:
             body["errors"] = [{"where": f.where, "problem": f.problem} for f in self.errors]
-        return body | self.extra
+        return cast("answers.Problem", {**body, **self.extra})
 
 
 class Undecodable(Problem):

@@ -8,9 +8,12 @@ import re
 import subprocess
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from service import __version__
+
+if TYPE_CHECKING:  # the version is told at once
+    from service.answers import verdicts as answers
 
 COMMIT_VARIABLE = "CASEDRAIN_COMMIT"
 """Set when an image is built; a checkout asks git."""
@@ -26,9 +29,9 @@ class Software(NamedTuple):
     commit: str | None
     sources: str
 
-    def to_json(self) -> dict[str, str | None]:
+    def to_json(self) -> "answers.Software":
         """As verdicts, ``/readyz`` and the command line say it."""
-        return self._asdict()
+        return {"release": self.release, "commit": self.commit, "sources": self.sources}
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -12,6 +11,7 @@ from service.access.security import Principal
 from service.alarms import reading
 from service.alarms.ledger import follow
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
+from service.answers import alarms as answers
 from service.errors import Conflict, Fault, Invalid
 from service.storage.database import Database
 from service.storage.tables import Alarm, AlarmAction, Pump, StoredAssessment
@@ -27,7 +27,7 @@ class Wish:
     until: datetime | None = None
 
 
-def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) -> dict[str, Any]:
+def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) -> answers.Alarm:
     """Do it in one transaction and give the alarm as it is now.
 
     Raises

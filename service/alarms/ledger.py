@@ -11,6 +11,9 @@ from sqlalchemy.orm import Session
 from detectors.words.states import QUIET
 from service.alarms.life_cycle import PRIORITIES, Action, Life, Point, lives, rules_of
 from service.alarms.reading import shown
+from service.answers.alarms import AlarmEvent
+from service.answers.verdicts import Verdict
+from service.answers.words import instant
 from service.identity import release_number
 from service.notifications.outbox import Event, announce
 from service.storage.database import Database
@@ -89,7 +92,7 @@ def _points_of_verdicts(session: Session, pump_id: int) -> list[Point]:
     return [point_of(*row) for row in session.execute(query)]
 
 
-def point_of(record_id: str, at: datetime, verdict: dict[str, Any], flight_id: str | None) -> Point:
+def point_of(record_id: str, at: datetime, verdict: Verdict, flight_id: str | None) -> Point:
     """One assessment, in the shape of the API, as alarms see it."""
     return Point(
         record_id=record_id,
@@ -155,7 +158,7 @@ def _write(row: Alarm, alarm: Life) -> None:
     row.verdict_state, row.side, row.candidates = alarm.state, alarm.side, list(alarm.candidates)
     row.shelved_until, row.closed_at = alarm.shelved_until, alarm.closed_at
     row.withdrawn_at, row.cause = None, None
-    row.history = [dict(entry) for entry in alarm.history]
+    row.history = list(alarm.history)
 
 
 def _withdraw(row: Alarm, alarms: Sequence[Life], matched: Sequence[Alarm | None], now: datetime) -> None:
@@ -169,7 +172,7 @@ def _withdraw(row: Alarm, alarms: Sequence[Life], matched: Sequence[Alarm | None
         if other is None
         else f"its stretch became part of alarm {other.id}, with what was done about it"
     )
-    entry = {"event": "withdrawn", "at": now.isoformat().replace("+00:00", "Z"), "reason": row.cause}
+    entry: AlarmEvent = {"event": "withdrawn", "at": instant(now), "reason": row.cause}
     row.history = [*row.history, entry]
 
 

@@ -7,9 +7,9 @@ shelved for a limited time, on-delay and off-delay keep it from chattering, and 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from typing import Any
 
 from detectors.words.states import QUIET, STATES, State
+from service.answers.alarms import AlarmEvent
 
 PRIORITIES: tuple[str, ...] = ("low", "medium", "high", "critical")
 """Rising order. Sensors are low, what cannot be told yet is medium, a named fault is high, wear beyond the pump
@@ -77,7 +77,7 @@ class Life:
     acknowledged: bool = False
     shelved_until: datetime | None = None
     closed_at: datetime | None = None
-    history: tuple[Mapping[str, Any], ...] = field(default=())
+    history: tuple[AlarmEvent, ...] = field(default=())
 
     def covers(self, instant: datetime) -> bool:
         """True when the instant lies between onset and clearance."""
@@ -264,7 +264,7 @@ def _acted(life: Life, action: Action, known: _Attention) -> Life:
     elif action.kind == CLOSE and covers:
         life = replace(life, closed_at=action.done_at, acknowledged=True, shelved_until=None)
     words = {ACKNOWLEDGE: "acknowledged", SHELVE: "shelved", UNSHELVE: "unshelved", CLOSE: "closed"}
-    entry = {
+    entry: AlarmEvent = {
         "event": words[action.kind],
         "at": _text(action.done_at),
         "by": action.by,
@@ -276,7 +276,7 @@ def _acted(life: Life, action: Action, known: _Attention) -> Life:
 
 
 def _noted(life: Life, event: str, point: Point, reason: str | None = None) -> Life:
-    entry = {
+    entry: AlarmEvent = {
         "event": event,
         "at": _text(point.at),
         "record_id": point.record_id,

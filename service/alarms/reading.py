@@ -8,6 +8,8 @@ from sqlalchemy import ColumnElement, Select, and_, or_, select, tuple_
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers import alarms as answers
+from service.answers.words import instant
 from service.errors import NotFound
 from service.storage.tables import Alarm, Pump
 
@@ -41,7 +43,7 @@ def is_shelved(row: Alarm, now: datetime) -> bool:
     return row.withdrawn_at is None and row.shelved_until is not None and row.shelved_until > now
 
 
-def shown(row: Alarm, serial: str, pump_type: str, now: datetime | None = None) -> dict[str, Any]:
+def shown(row: Alarm, serial: str, pump_type: str, now: datetime | None = None) -> answers.Alarm:
     """One alarm in the shape of the API."""
     return {
         "id": row.id,
@@ -52,20 +54,20 @@ def shown(row: Alarm, serial: str, pump_type: str, now: datetime | None = None) 
         "condition": row.condition,
         "acknowledged": row.acknowledged,
         "shelved": is_shelved(row, now or datetime.now(UTC)),
-        "shelved_until": row.shelved_until,
+        "shelved_until": instant(row.shelved_until),
         "priority": row.priority,
         "verdict_state": row.verdict_state,
         "side": row.side,
         "candidates": row.candidates,
         "beyond_limit": row.beyond_limit,
-        "onset_at": row.onset_at,
-        "raised_at": row.raised_at,
+        "onset_at": instant(row.onset_at),
+        "raised_at": instant(row.raised_at),
         "record_id": row.record_id,
-        "cleared_at": row.cleared_at,
-        "closed_at": row.closed_at,
-        "withdrawn_at": row.withdrawn_at,
+        "cleared_at": instant(row.cleared_at),
+        "closed_at": instant(row.closed_at),
+        "withdrawn_at": instant(row.withdrawn_at),
         "cause": row.cause,
-        "changed_at": row.changed_at,
+        "changed_at": instant(row.changed_at),
         "history": row.history,
     }
 

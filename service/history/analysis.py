@@ -3,10 +3,11 @@
 import hashlib
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from detectors.words.flights import Outline
 from detectors.words.observation import Observation
+from service.answers.records import Residual as ResidualAnswer
+from service.answers.records import StoredReduction
 from service.history import reduced
 from service.history.codec import reduction_from_json
 from service.history.placement import Place
@@ -26,14 +27,14 @@ class RecordAnalysis:
     """One record reduced, as it is stored; ``key`` names what it depends on besides the bytes."""
 
     key: str
-    reduction: dict[str, Any]
-    residuals: dict[str, Any]
+    reduction: StoredReduction
+    residuals: dict[str, dict[str, ResidualAnswer]]
 
 
 def keep_analysis(row: Record, analysis: RecordAnalysis) -> None:
     """Write an analysis into its record's row, in the name of this software."""
     row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
-    row.reduced_by = software().to_json()
+    row.reduced_by = dict(software().to_json())
 
 
 def analysed(recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective) -> RecordAnalysis:
@@ -55,7 +56,7 @@ def analysis_key(kind: PumpType, setting: Setting, thresholds: Effective) -> str
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
 
-def observation_of(row: Record, place: Place, reduction: dict[str, Any]) -> Observation:
+def observation_of(row: Record, place: Place, reduction: StoredReduction) -> Observation:
     """What a stored record tells a history, at the place where the pump really sat."""
     started_at: datetime | None = row.started_at
     if started_at is None:
@@ -72,7 +73,7 @@ def observation_of(row: Record, place: Place, reduction: dict[str, Any]) -> Obse
     )
 
 
-def observation_at(outline: Outline, reduction: dict[str, Any], flight_hours: float | None) -> Observation:
+def observation_at(outline: Outline, reduction: StoredReduction, flight_hours: float | None) -> Observation:
     """What a record tells a history, from its outline and its reduction as it is stored."""
     return Observation(
         record_id=outline.record_id,

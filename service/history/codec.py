@@ -8,6 +8,9 @@ from pydantic import TypeAdapter
 
 from detectors.words.observation import Reduction, Residual
 from detectors.words.verdict import Estimate, Verdict
+from service.answers import records as answers_of_records
+from service.answers import verdicts as answers
+from service.answers.records import StoredReduction
 
 _REDUCTION = TypeAdapter(Reduction)
 _RESIDUALS = TypeAdapter(dict[str, Residual])
@@ -20,9 +23,9 @@ def _dumped(adapter: TypeAdapter[Any], value: Any) -> Any:
     return json.loads(adapter.dump_json(value))
 
 
-def reduction_to_json(reduction: Reduction) -> dict[str, Any]:
+def reduction_to_json(reduction: Reduction) -> StoredReduction:
     """Reduction as a JSON object."""
-    document: dict[str, Any] = _dumped(_REDUCTION, reduction)
+    document: StoredReduction = _dumped(_REDUCTION, reduction)
     return document
 
 
@@ -31,25 +34,29 @@ def reduction_from_json(document: Mapping[str, Any]) -> Reduction:
     return _REDUCTION.validate_python(document)
 
 
-def residuals_to_json(residuals: Mapping[str, Residual]) -> dict[str, Any]:
+def residuals_to_json(residuals: Mapping[str, Residual]) -> dict[str, answers_of_records.Residual]:
     """Residuals by channel as a JSON object."""
-    document: dict[str, Any] = _dumped(_RESIDUALS, dict(residuals))
+    document: dict[str, answers_of_records.Residual] = _dumped(_RESIDUALS, dict(residuals))
     return document
 
 
-def trend_to_json(trend: Mapping[str, Estimate]) -> dict[str, Any]:
+def trend_to_json(trend: Mapping[str, Estimate]) -> dict[str, answers.Estimate]:
     """Trend points by metric as a JSON object."""
-    document: dict[str, Any] = _dumped(_TREND, dict(trend))
+    document: dict[str, answers.Estimate] = _dumped(_TREND, dict(trend))
     return document
 
 
 def verdict_to_json(
-    verdict: Verdict, twin_version: str, threshold_version: int, software: Mapping[str, str | None]
-) -> dict[str, Any]:
+    verdict: Verdict, twin_version: str, threshold_version: int, software: answers.Software
+) -> answers.Verdict:
     """Verdict in the shape of the API; ``software`` names what made it and is no part of two verdicts being equal."""
-    document: dict[str, Any] = _dumped(_VERDICT, verdict)
-    versions = {"twin_version": twin_version, "threshold_version": threshold_version}
-    return document | versions | {"software": dict(software)}
+    document: answers.Verdict = _dumped(_VERDICT, verdict)
+    return {
+        **document,
+        "twin_version": twin_version,
+        "threshold_version": threshold_version,
+        "software": software,
+    }
 
 
 def same_verdict(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:

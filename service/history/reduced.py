@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from detectors.expectation.residuals import window_residuals
 from detectors.reduction.recording import reduce_recording
 from detectors.words.observation import Window, WindowKind
+from service.answers.records import StoredReduction
 from service.history.codec import reduction_to_json, residuals_to_json
 from twin.parameters import Circuit, PumpType
 from twin.recording import Recording
@@ -19,7 +20,7 @@ from twin.sources import sources_hash
 class Reduced(NamedTuple):
     """A reduction and the residuals of its windows by number, as JSON objects."""
 
-    reduction: dict[str, Any]
+    reduction: StoredReduction
     residuals: dict[str, Any]
 
 

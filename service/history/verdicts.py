@@ -1,17 +1,16 @@
 """The verdict of a pump of which nothing is known yet."""
 
-from typing import Any
-
 from detectors.judgement.version import twin_version
 from detectors.judgement.wording import advice
 from detectors.words.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
+from service.answers import verdicts as answers
 from service.history.codec import verdict_to_json
 from service.identity import software
 from service.thresholds.layers import Effective
 from twin.parameters import PumpType
 
 
-def empty_verdict(kind: PumpType, thresholds: Effective) -> dict[str, Any]:
+def empty_verdict(kind: PumpType, thresholds: Effective) -> answers.Verdict:
     """Verdict of a pump without records."""
     missing = int(thresholds.values["baseline_records"])
     state = State.INSUFFICIENT_DATA

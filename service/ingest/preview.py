@@ -1,8 +1,9 @@
 """What a file would become: recognised channels, metadata, first rows and faults, without storing anything."""
 
 import math
-from typing import Any
 
+from service.answers.mappings import MappingPreview, RecognisedChannel
+from service.answers.problems import ProblemError
 from service.errors import Invalid
 from service.ingest.decode import checked
 from service.ingest.mapping import CHANNELS, ChannelMapping, mapped
@@ -11,7 +12,7 @@ from service.ingest.raw import RawRecord
 from twin.recording import REQUIRED_CHANNELS
 
 
-def preview(raw: RawRecord, mapping: ChannelMapping | None, n_rows: int) -> dict[str, Any]:
+def preview(raw: RawRecord, mapping: ChannelMapping | None, n_rows: int) -> MappingPreview:
     """Preview of a parsed file.
 
     Parameters
@@ -25,7 +26,7 @@ def preview(raw: RawRecord, mapping: ChannelMapping | None, n_rows: int) -> dict
     """
     record = raw if mapping is None else mapped(raw, mapping)
     rules = {rule.channel: rule for rule in (mapping.channels if mapping else ()) if rule.source in raw.channels}
-    recognised: list[dict[str, Any]] = [
+    recognised: list[RecognisedChannel] = [
         {
             "source": rules[name].source if name in rules else name,
             "channel": name,
@@ -38,7 +39,7 @@ def preview(raw: RawRecord, mapping: ChannelMapping | None, n_rows: int) -> dict
     used = {entry["source"] for entry in recognised}
     try:
         checked(raw, {}, mapping=mapping)
-        faults = []
+        faults: list[ProblemError] = []
     except Invalid as problem:
         faults = [{"where": f.where, "problem": f.problem} for f in problem.errors]
     length = min(n_rows, max((len(samples) for samples in record.channels.values()), default=0))

@@ -13,6 +13,7 @@ from dbos import DBOS, DBOSConfig, SetWorkflowID, WorkflowStatus
 from sqlalchemy.engine import make_url
 
 from service.access.security import Principal
+from service.answers.jobs import JobResult
 from service.context import Context
 from service.errors import Problem, Unavailable
 from service.jobs import store
@@ -167,7 +168,7 @@ def _work(engine: _Engine, job: Job) -> None:
         with database.reading() as session:
             counts = store.counts(session, job.id)
         whole = sum(counts.values()) >= total
-        result = kind.result(work, state, counts) if whole else {"counts": counts}
+        result: JobResult = kind.result(work, state, counts) if whole else {"counts": counts}
     with database.writing() as session:
         store.finish(session, job.id, result)
 

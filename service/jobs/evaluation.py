@@ -7,11 +7,11 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pydantic import Field
 from sqlalchemy.orm import Session
 
+from service.answers.jobs import JobResult
 from service.errors import Fault, Invalid
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.jobs.products import folder_of, keep
@@ -82,7 +82,7 @@ class Evaluation(Kind[EvaluationParameters, _Running]):
             state.pool.submit(judge_chunk, chunk, state.folder).result()
         return Item(name, "kept" if there else "judged", {"pumps": chunk.n_pumps})
 
-    def result(self, work: Work[EvaluationParameters], state: _Running, counts: dict[str, int]) -> dict[str, Any]:
+    def result(self, work: Work[EvaluationParameters], state: _Running, counts: dict[str, int]) -> JobResult:
         documents = state.pool.submit(_documents, state.study, state.folder).result()
         return {"counts": counts, "files": keep(work, documents)}
 

@@ -10,6 +10,7 @@ from pydantic import ConfigDict
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.jobs import JobResult
 from service.bodies import Body
 from service.context import Context
 from service.errors import Fault, Invalid
@@ -83,7 +84,7 @@ class Kind(ABC, Generic[P, State]):
     def item(self, work: Work[P], state: State, position: int) -> Item:
         """Work on one item."""
 
-    def result(self, _work: Work[P], _state: State, counts: dict[str, int]) -> dict[str, Any]:
+    def result(self, _work: Work[P], _state: State, counts: dict[str, int]) -> JobResult:
         """The job's result beside its items, once all of them are done: number of items by status, and documents."""
         return {"counts": counts}
 

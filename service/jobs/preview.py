@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import cast
 
 from fastapi.encoders import jsonable_encoder
 from pydantic import FiniteFloat
 
+from service.answers.jobs import JobResult
+from service.answers.thresholds import PumpPreview
 from service.errors import Unavailable
 from service.jobs import store
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
@@ -56,10 +58,10 @@ class Preview(Kind[PreviewParameters, list[int]]):
                 return Item(pump.serial, _FAILED, {"pump_serial": pump.serial, "problem": problem.body()})
         return Item(found["pump_serial"], "changed" if differs(found) else "unchanged", jsonable_encoder(found))
 
-    def result(self, work: Work[PreviewParameters], _pump_ids: list[int], counts: dict[str, int]) -> dict[str, Any]:
+    def result(self, work: Work[PreviewParameters], _pump_ids: list[int], counts: dict[str, int]) -> JobResult:
         with work.context.database.reading() as session:
             details = [i.detail for i in session.scalars(store.items(work.job_id)) if i.status != _FAILED]
-        return {"counts": counts, "totals": totals(details)}
+        return {"counts": counts, "totals": totals(cast("list[PumpPreview]", details))}
 
 
 def _scope(work: Work[PreviewParameters]) -> Scope:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from service.answers.jobs import JobFile
 from service.errors import Conflict, NotFound
 from service.jobs.kinds import Work
 from service.storage.tables import SUCCEEDED, Job
@@ -23,12 +24,12 @@ def folder_of(work: Work[Any]) -> Path:
     return folder
 
 
-def keep(work: Work[Any], documents: Mapping[str, str]) -> dict[str, Any]:
+def keep(work: Work[Any], documents: Mapping[str, str]) -> dict[str, JobFile]:
     """Put a job's finished documents, by format, into the raw store, and what the job's result says of them.
 
     The job's folder is removed.
     """
-    files = {}
+    files: dict[str, JobFile] = {}
     for form, text in documents.items():
         content = text.encode()
         files[form] = {"content_hash": work.context.raw_store.put(content), "bytes": len(content)}
@@ -48,7 +49,7 @@ def digest_of(job: Job, form: str) -> str:
     """
     if job.status != SUCCEEDED:
         raise Conflict(f"job {job.id} is {job.status}: it has no document")
-    files: dict[str, Any] = (job.result or {}).get("files", {})
+    files = job.result.get("files", {}) if job.result else {}
     if form not in files:
         there = f"there is {', '.join(sorted(files))}" if files else f"a job {job.kind} leaves none"
         raise NotFound(f"job {job.id} has no document in the format {form}: {there}")

@@ -11,6 +11,7 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.jobs import JobResult
 from service.errors import Fault, Invalid, NotFound
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.jobs.products import keep
@@ -65,7 +66,7 @@ class Report(Kind[ReportParameters, list[int]]):
             state = queries.verdict(session, pump)["state"]
         return Item(pump.serial, "reported", {"operator": pump.operator, "state": state})
 
-    def result(self, work: Work[ReportParameters], pump_ids: list[int], counts: dict[str, int]) -> dict[str, Any]:
+    def result(self, work: Work[ReportParameters], pump_ids: list[int], counts: dict[str, int]) -> JobResult:
         parameters = work.parameters
         if parameters.since is None or parameters.until is None:
             raise RuntimeError("a report without its period")

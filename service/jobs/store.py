@@ -9,6 +9,7 @@ from sqlalchemy import Select, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.jobs import JobResult
 from service.errors import Conflict, NotFound, Problem
 from service.jobs.kinds import NAME_LENGTH, Item
 from service.storage.tables import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
@@ -149,7 +150,7 @@ def counts(session: Session, job_id: str) -> dict[str, int]:
     return {status: int(n) for status, n in sorted(session.execute(query))}
 
 
-def finish(session: Session, job_id: str, result: dict[str, Any]) -> None:
+def finish(session: Session, job_id: str, result: JobResult) -> None:
     """The job has worked on all of its items, or was asked to stop before."""
     job = session.get(Job, job_id, with_for_update=True)
     if job is not None and job.status == RUNNING:

@@ -13,6 +13,8 @@ from service.access.security import Principal
 from service.alarms.comparison import gained_and_lost
 from service.alarms.ledger import points_of
 from service.alarms.life_cycle import Life, Point, lives, rules_of
+from service.answers.thresholds import JudgedFindings, Preview, PreviewTotals, PumpPreview
+from service.answers.words import instant
 from service.errors import Invalid, TooLarge
 from service.history.archive import Archive
 from service.history.knowledge import entries, knowledge
@@ -31,7 +33,7 @@ class Workbench:
     most_records: int
 
 
-def preview(bench: Workbench, principal: Principal, scope: Scope, values: Mapping[str, float]) -> dict[str, Any]:
+def preview(bench: Workbench, principal: Principal, scope: Scope, values: Mapping[str, float]) -> Preview:
     """Compare the alarms of today's thresholds with those of a candidate for one layer.
 
     Only pumps that the principal may see are looked at. Actions of operators play no part on either side.
@@ -80,9 +82,7 @@ def pumps_with_records(session: Session, operator: str | None, scope: Scope) -> 
     return [(pump, int(n)) for pump, n in session.execute(query)]
 
 
-def compared(
-    session: Session, archive: Archive, pump: Pump, scope: Scope, values: Mapping[str, float]
-) -> dict[str, Any]:
+def compared(session: Session, archive: Archive, pump: Pump, scope: Scope, values: Mapping[str, float]) -> PumpPreview:
     """One pump's alarms with today's thresholds beside those with a candidate for one layer."""
     now = thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
     wanted = thresholds_of(session, pump.operator, pump.serial, pump.pump_type, candidate=Candidate(scope, values))
@@ -100,8 +100,8 @@ def compared(
         **gained_and_lost(before, after),
         "changed": [_identity(a) for a in before] != [_identity(a) for a in after],
         "first_alarm": {
-            "now": first[0],
-            "with_candidate": first[1],
+            "now": instant(first[0]),
+            "with_candidate": instant(first[1]),
             "earlier_by_days": _days(first[0], first[1]),
             "earlier_by_flights": _flights(points, first[0], first[1]),
         },
@@ -119,7 +119,7 @@ def differs(item: Mapping[str, Any]) -> bool:
     return bool(item["gained"] or item["lost"] or item["changed"])
 
 
-def totals(items: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def totals(items: Sequence[PumpPreview]) -> PreviewTotals:
     """Alarms and findings of several pumps together."""
     return {
         "alarms_now": sum(item["alarms_now"] for item in items),
@@ -154,6 +154,10 @@ def _missed(alarms: Sequence[Life], findings: Sequence[Finding]) -> int:
     return sum(f.found != NO_FAULT_FOUND and not any(a.covers(f.at) for a in alarms) for f in findings)
 
 
-def _added(counts: Sequence[Mapping[str, int]]) -> dict[str, int]:
-    names = ("false_now", "false_with_candidate", "missed_now", "missed_with_candidate")
-    return {name: sum(c[name] for c in counts) for name in names}
+def _added(counts: Sequence[JudgedFindings]) -> JudgedFindings:
+    return {
+        "false_now": sum(c["false_now"] for c in counts),
+        "false_with_candidate": sum(c["false_with_candidate"] for c in counts),
+        "missed_now": sum(c["missed_now"] for c in counts),
+        "missed_with_candidate": sum(c["missed_with_candidate"] for c in counts),
+    }

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import structlog
 from sqlalchemy import Select, func, select
@@ -12,11 +12,15 @@ from detectors.judgement.version import twin_version
 from service.alarms.comparison import gained_and_lost
 from service.alarms.ledger import point_of, points_of
 from service.alarms.life_cycle import Point, Rules, lives, rules_of
+from service.answers import jobs as answers
+from service.answers.alarms import AlarmChanges
+from service.answers.jobs import VerdictDifference
 from service.errors import Problem
 from service.history.analysis import keep_analysis
 from service.history.archive import Archive
 from service.history.codec import verdict_to_json
 from service.history.knowledge import Knowledge, knowledge
+from service.identity import software
 from service.monitoring.fold import fold
 from service.monitoring.precedence import held_by, left_to_newer, newer_release
 from service.monitoring.refold import REPROCESSED, Cause, refold
@@ -44,14 +48,14 @@ class PumpChange:
     operator: str
     n_records: int
     n_changed: int
-    changes: tuple[dict[str, Any], ...]
+    changes: tuple[VerdictDifference, ...]
     before: str | None
     after: str | None
-    alarms: dict[str, list[dict[str, Any]]]
+    alarms: AlarmChanges
     twin_version: str
     threshold_version: int
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> answers.PumpChange:
         """As a job's item shows it."""
         return {
             "pump": self.serial,
@@ -209,7 +213,8 @@ def points_of_fold(session: Session, found: Knowledge) -> list[Point]:
     flights = {p.outline.record_id: p.outline.flight_id for p in found.known.placed}
     assessments = fold(found.known, found.observations(session))
     return [
-        point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0, {}), flights[a.record_id]) for a in assessments
+        point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0, software().to_json()), flights[a.record_id])
+        for a in assessments
     ]
 
 
@@ -235,12 +240,12 @@ def _change(
     pump: Pump,
     before: Sequence[Point],
     after: Sequence[Point],
-    alarms: dict[str, list[dict[str, Any]]],
+    alarms: AlarmChanges,
     twin: str,
     thresholds: int,
 ) -> PumpChange:
     old = {p.record_id: p.state for p in before}
-    changes = [
+    changes: list[VerdictDifference] = [
         {"record_id": p.record_id, "at": p.at.isoformat(), "before": old.get(p.record_id), "after": p.state}
         for p in after
         if old.get(p.record_id) != p.state

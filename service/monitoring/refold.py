@@ -3,13 +3,13 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
 
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from detectors.words.verdict import Assessment
 from service.alarms.ledger import follow
+from service.answers import verdicts as answers
 from service.history.analysis import keep_analysis
 from service.history.archive import Archive
 from service.history.codec import trend_to_json, verdict_to_json
@@ -99,7 +99,7 @@ def refold(
 
 def verdict_known_at(
     session: Session, pump: Pump, archive: Archive, known_at: datetime, at: datetime | None
-) -> dict[str, Any]:
+) -> answers.Verdict:
     """Verdict as it stood with what was known at an instant, by today's twin.
 
     Raises

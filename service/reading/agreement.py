@@ -4,7 +4,6 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from scipy.stats import binomtest
 from sqlalchemy import select
@@ -13,6 +12,7 @@ from sqlalchemy.orm import Session
 from detectors.words.states import QUIET
 from detectors.words.verdict import FAULTS, SIDE_OF, State
 from service.access.security import Principal
+from service.answers.fleet import Agreement, Share
 from service.storage.tables import Finding, Pump, StoredAssessment
 from service.storage.tables.history import NO_FAULT_FOUND
 
@@ -46,7 +46,7 @@ def judged_findings(session: Session, principal: Principal) -> list[JudgedFindin
     return judged
 
 
-def rates(judged: Iterable[JudgedFinding]) -> dict[str, Any]:
+def rates(judged: Iterable[JudgedFinding]) -> Agreement:
     """How often the workshop agreed, with Wilson 95 % intervals.
 
     ``false_alarms``: of the findings on a pump in alarm, those where nothing was found. ``missed``: of the findings
@@ -66,7 +66,7 @@ def rates(judged: Iterable[JudgedFinding]) -> dict[str, Any]:
     }
 
 
-def _share(cases: int, of: int) -> dict[str, Any]:
+def _share(cases: int, of: int) -> Share:
     if of == 0:
         return {"cases": 0, "of": 0, "share": None, "low": None, "high": None}
     interval = binomtest(cases, of).proportion_ci(0.95, method="wilson")

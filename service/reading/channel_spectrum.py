@@ -2,13 +2,13 @@
 
 import math
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
 from detectors.words.numbers import MOST_MISSING
+from service.answers.records import ChannelSpectrum, ShaftOrder
 from service.errors import Fault, Invalid
 from twin.parameters import PumpType
 from twin.recording import TIME, Recording
@@ -30,7 +30,7 @@ _SLOWEST_RPM = 60.0
 
 def channel_spectrum(
     recording: Recording, channel: str, pump: PumpType, start_s: float, end_s: float
-) -> dict[str, Any]:
+) -> ChannelSpectrum:
     """Density (Welch) and orders 1, n and 2 n of one channel in ``start_s <= time < end_s``.
 
     Orders are a least-squares fit on the shaft's angle, the integral of the speed channel, so that a drifting speed
@@ -126,7 +126,7 @@ def _too_short(what: str) -> Invalid:
 
 def _orders(
     time: Samples, samples: Samples, speed: Samples, rate: float, shaft_hz: float, n: int, unit: str
-) -> list[dict[str, Any]]:
+) -> list[ShaftOrder]:
     """Amplitude, its standard error and phase of each order; those above the sampling's reach say so."""
     steps = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time) * (2.0 * math.pi / 60.0)
     angle = np.concatenate(([0.0], np.cumsum(steps)))
@@ -137,13 +137,15 @@ def _orders(
     design = np.stack(columns, axis=1)
     fit, *_ = np.linalg.lstsq(design, samples, rcond=None)
     error = float(np.std(samples - design @ fit)) * math.sqrt(2.0 / len(samples))
-    lines = []
+    lines: list[ShaftOrder] = []
     for order in wanted:
-        line: dict[str, Any] = {"order": order, "frequency_hz": order * shaft_hz, "unit": unit}
         if order in seen:
             i = 2 + 2 * seen.index(order)
             cosine, sine = float(fit[i]), float(fit[i + 1])
-            line |= {
+            line: ShaftOrder = {
+                "order": order,
+                "frequency_hz": order * shaft_hz,
+                "unit": unit,
                 "amplitude": math.hypot(cosine, sine),
                 "standard_error": error,
                 "phase_deg": math.degrees(math.atan2(-sine, cosine)),
@@ -153,6 +155,14 @@ def _orders(
             reason = (
                 f"{rate:.4g} Hz are too slow for it: {math.ceil(_SAMPLES_PER_PERIOD * order * shaft_hz)} Hz show it"
             )
-            line |= {"amplitude": None, "standard_error": None, "phase_deg": None, "reason": reason}
+            line = {
+                "order": order,
+                "frequency_hz": order * shaft_hz,
+                "unit": unit,
+                "amplitude": None,
+                "standard_error": None,
+                "phase_deg": None,
+                "reason": reason,
+            }
         lines.append(line)
     return lines

@@ -1,12 +1,13 @@
 """Damage identification curve of a stored pump, as the API shows it."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy.orm import Session
 
 from detectors.curve.points import AXES, Curve, damage_identification_curve, latest_condition
+from service.answers.pumps import DamageIdentificationCurve
+from service.answers.words import instant
 from service.history.analysis import observation_of
 from service.history.knowledge import counting_records, setting_of
 from service.history.placement import Place
@@ -20,7 +21,7 @@ class FoundCurve:
     """The curve and its JSON document."""
 
     curve: Curve
-    document: dict[str, Any]
+    document: DamageIdentificationCurve
 
 
 def curve_of(
@@ -52,13 +53,24 @@ def _start(row: Record) -> datetime:
     return row.started_at
 
 
-def curve_document(curve: Curve) -> dict[str, Any]:
+def curve_document(curve: Curve) -> DamageIdentificationCurve:
     """Curve in the shape of the API."""
+    baseline, conditions = curve.baseline, curve.conditions
     return {
-        "axes": dict(AXES),
-        "conditions": dict(curve.conditions),
-        "baseline": asdict(curve.baseline),
-        "curve": [asdict(point) for point in curve.curve],
-        "points": [asdict(point) for point in curve.points],
-        "directions": {name: asdict(direction) for name, direction in curve.directions.items()},
+        "axes": {"x": AXES["x"], "y": AXES["y"]},
+        "conditions": {
+            "speed_rpm": conditions["speed_rpm"],
+            "fluid_temperature_degc": conditions["fluid_temperature_degc"],
+            "reservoir_pressure_bar": conditions["reservoir_pressure_bar"],
+        },
+        "baseline": {"dx": baseline.dx, "dy": baseline.dy, "records": baseline.records},
+        "curve": [
+            {"x": p.x, "y": p.y, "low": p.low, "high": p.high, "system_leakage_lpm": p.system_leakage_lpm}
+            for p in curve.curve
+        ],
+        "points": [
+            {"at": instant(p.at), "x": p.x, "y": p.y, "covariance": [list(row) for row in p.covariance]}
+            for p in curve.points
+        ],
+        "directions": {name: {"dx": d.dx, "dy": d.dy, "per": d.per} for name, d in curve.directions.items()},
     }

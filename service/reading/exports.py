@@ -78,16 +78,19 @@ def _window_rows(serial: str, record: Record, assessment: StoredAssessment) -> I
             **{name: window[name] for name in ("kind", "start_s", "end_s", "accepted", "reason")},
         }
         for name in _MEANS:
-            mean = window["means"].get(name) or {}
-            row |= {f"mean_{name}": mean.get("mean"), f"standard_error_{name}": mean.get("standard_error")}
+            mean = window["means"].get(name)
+            row |= {
+                f"mean_{name}": mean["mean"] if mean else None,
+                f"standard_error_{name}": mean["standard_error"] if mean else None,
+            }
         for name in _RESIDUALS:
-            residual = residuals.get(name) or {}
-            row |= {f"residual_{name}": residual.get("residual")}
-            row |= {f"standard_deviation_{name}": residual.get("standard_deviation")}
+            residual = residuals.get(name)
+            row |= {f"residual_{name}": residual["residual"] if residual else None}
+            row |= {f"standard_deviation_{name}": residual["standard_deviation"] if residual else None}
         yield row | {"twin_version": assessment.verdict.get("twin_version"), **_made_by(record.reduced_by)}
 
 
-def _made_by(software: Mapping[str, str | None] | None) -> Row:
+def _made_by(software: Mapping[str, Any] | None) -> Row:
     """Columns of the software that made a row; empty where it was made before software was named."""
     return {f"software_{name}": (software or {}).get(name) for name in _SOFTWARE}
 

@@ -1,18 +1,19 @@
 """The fleet as stored answers show it: pumps with where they sit and how they are."""
 
 from datetime import UTC, datetime
-from typing import Any
 
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers import pumps as answers
+from service.answers.words import instant
 from service.reading import queries
 from service.reading.ranking import by_state
 from service.reading.silence import Silence, silent_pumps
 from service.storage.tables import Pump, StoredAssessment
 
 
-def pump_documents(session: Session, rows: list[Pump]) -> list[dict[str, Any]]:
+def pump_documents(session: Session, rows: list[Pump]) -> list[answers.Pump]:
     """Pumps as the API shows them, with where they were last seen and how they are."""
     ids = [row.id for row in rows]
     newest, counts = queries.last_assessments(session, ids), queries.n_records(session, ids)
@@ -33,7 +34,7 @@ def _pump(
     last: queries.Flight | None,
     n_records: int,
     silence: Silence | None,
-) -> dict[str, Any]:
+) -> answers.Pump:
     verdict = queries.verdict(session, row) if newest is None else newest.verdict
     return {
         "serial": row.serial,
@@ -43,10 +44,10 @@ def _pump(
         "aircraft": newest.aircraft if newest else None,
         "position": newest.position if newest else None,
         "records": n_records,
-        "last_record_at": last.started_at if last else None,
+        "last_record_at": instant(last.started_at) if last else None,
         "flight_hours": last.flight_hours if last else None,
         "silent": silence is not None,
-        "silence_unusual_from": silence.unusual_from if silence else None,
+        "silence_unusual_from": instant(silence.unusual_from) if silence else None,
         "state": verdict["state"],
         "side": verdict["side"],
         "since": verdict["since"],
@@ -56,6 +57,6 @@ def _pump(
     }
 
 
-def fleet(session: Session, asker: Principal) -> list[dict[str, Any]]:
+def fleet(session: Session, asker: Principal) -> list[answers.Pump]:
     """All pumps that the asker may see, the most urgent first."""
     return sorted(pump_documents(session, list(session.scalars(queries.pumps(asker)))), key=by_state)

@@ -2,12 +2,14 @@
 
 import math
 from datetime import datetime
-from typing import Any, Literal
+from typing import Literal
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.fleet import FleetTrendPoint, TrendGroup
+from service.answers.words import instant
 from service.reading.trend import thinned
 from service.storage.tables import Pump, Record, StoredAssessment
 
@@ -33,7 +35,7 @@ def fleet_trend(
     since: datetime | None,
     until: datetime | None,
     most: int,
-) -> list[dict[str, Any]]:
+) -> list[TrendGroup]:
     """Points of one metric in event order for each group, at most about ``most`` in each.
 
     By age a pump passes from group to group as it flies: what pumps of the same flight hours show lies together.
@@ -59,14 +61,14 @@ def fleet_trend(
         query = query.where(StoredAssessment.at >= since)
     if until is not None:
         query = query.where(StoredAssessment.at < until)
-    found: dict[tuple[float, str], list[dict[str, Any]]] = {}
+    found: dict[tuple[float, str], list[FleetTrendPoint]] = {}
     for of, at, value, record_id, serial, operator in session.execute(query.execution_options(yield_per=_ROWS_AT_ONCE)):
         if not value or value["mean"] is None:
             continue
         items = found.setdefault(_age_band(of) if group_by == "age" else (0.0, of or ""), [])
         items.append(
             {
-                "at": at,
+                "at": instant(at),
                 "value": value["mean"],
                 "low": value["low"],
                 "high": value["high"],

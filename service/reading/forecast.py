@@ -9,7 +9,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -17,6 +16,8 @@ from sqlalchemy.orm import Session
 from detectors.prognosis.passage import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoForecast, forecast
 from detectors.words.numbers import Z_90
 from detectors.words.verdict import State
+from service.answers.pumps import FlightHours
+from service.answers.pumps import Forecast as Forecasted
 from service.history.knowledge import installation_intervals
 from service.history.placement import changes
 from service.reading import queries
@@ -45,19 +46,26 @@ class TrendPoint:
     standard_deviation: float
 
 
-def forecast_of(session: Session, pump: Pump) -> dict[str, Any]:
+def forecast_of(session: Session, pump: Pump) -> Forecasted:
     """Forecast in the shape of the API: flight hours with their 90 % interval, or the reason why there are none."""
     limit = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values["case_flow_limit_lpm"]
     entered = changes(installation_intervals(session, pump.id))
     rows = _since_installation(queries.trends_of_records(session, pump.id), entered)
     points = [p for p in map(_point, rows) if p is not None]
     found = forecast_of_trend(points, limit)
-    document: dict[str, Any] = {"flight_hours": None, "limit": limit, "limit_unit": "L/min", "metric": METRIC}
-    document["records"] = len(points)
+    document: Forecasted = {
+        "flight_hours": None,
+        "limit": limit,
+        "limit_unit": "L/min",
+        "metric": METRIC,
+        "records": len(points),
+        "median_flight_hours": None,
+        "reason": None,
+    }
     if isinstance(found, NoForecast):
-        return document | {"median_flight_hours": None, "reason": found.reason}
-    hours = {"mean": found.mean, "low": found.low, "high": found.high}
-    return document | {"flight_hours": hours, "median_flight_hours": found.quantile(0.5), "reason": None}
+        return document | {"reason": found.reason}
+    hours: FlightHours = {"mean": found.mean, "low": found.low, "high": found.high}
+    return document | {"flight_hours": hours, "median_flight_hours": found.quantile(0.5)}
 
 
 def forecast_of_trend(points: Sequence[TrendPoint], limit: float) -> Forecast | NoForecast:
@@ -125,7 +133,10 @@ def _since_installation(rows: Sequence[TrendOfRecord], entered: Sequence[datetim
 def _point(row: TrendOfRecord) -> TrendPoint | None:
     """A record's estimate; none where the baseline is still being learnt."""
     value = row.trend.get(METRIC)
-    if value is None or value["mean"] is None or row.state == State.INSUFFICIENT_DATA:
+    if value is None or row.state == State.INSUFFICIENT_DATA:
         return None
-    sd = (value["high"] - value["low"]) / (2.0 * Z_90)
-    return TrendPoint(row.flight_hours, value["mean"], sd) if sd > 0.0 else None
+    mean, low, high = value["mean"], value["low"], value["high"]
+    if mean is None or low is None or high is None:
+        return None
+    sd = (high - low) / (2.0 * Z_90)
+    return TrendPoint(row.flight_hours, mean, sd) if sd > 0.0 else None

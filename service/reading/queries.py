@@ -9,6 +9,7 @@ from sqlalchemy import Select, func, select, tuple_
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.verdicts import Estimate, Verdict
 from service.errors import NotFound
 from service.history.verdicts import empty_verdict
 from service.pump_types.parameter_sets import held_type
@@ -138,7 +139,7 @@ class TrendOfRecord:
     position: str
     flight_hours: float | None
     state: str
-    trend: dict[str, Any]
+    trend: dict[str, Estimate]
 
 
 def trends_of_records(session: Session, pump_id: int) -> list[TrendOfRecord]:
@@ -183,7 +184,7 @@ def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, Sto
     return {a.pump_id: a for a in session.scalars(query)}
 
 
-def verdict(session: Session, row: Pump, at: datetime | None = None) -> dict[str, Any]:
+def verdict(session: Session, row: Pump, at: datetime | None = None) -> Verdict:
     """Verdict of a pump now or at an event time, in the shape of the API."""
     query = select(StoredAssessment).where(StoredAssessment.pump_id == row.id)
     if at is not None:
@@ -237,7 +238,7 @@ class AssessmentOfRecord:
     """What was known right after one record."""
 
     serial: str
-    verdict: dict[str, Any]
+    verdict: Verdict
 
 
 def assessment_of(session: Session, record_id: str) -> AssessmentOfRecord:

@@ -2,14 +2,18 @@
 
 from collections.abc import Iterable, Sequence
 from datetime import datetime
-from typing import Any
+from typing import TypeVar
 
 from sqlalchemy.orm import Session
 
 from detectors.words.verdict import TREND_METRICS
+from service.answers.pumps import TrendPoint
+from service.answers.words import instant
 from service.errors import Fault, Invalid
 from service.reading import queries
 from service.storage.tables import Pump, StoredAssessment
+
+Point = TypeVar("Point", bound=TrendPoint)
 
 
 def check_metric(metric: str) -> None:
@@ -27,25 +31,25 @@ def check_metric(metric: str) -> None:
 
 def trend_of(
     session: Session, pump: Pump, metric: str, since: datetime | None, until: datetime | None, most: int
-) -> list[dict[str, Any]]:
+) -> list[TrendPoint]:
     """Points of one metric in event order, at most about ``most``."""
     return thinned(points_of(session.scalars(queries.assessments(pump.id)), metric, since, until), most)
 
 
 def points_of(
     assessments: Iterable[StoredAssessment], metric: str, since: datetime | None, until: datetime | None
-) -> list[dict[str, Any]]:
+) -> list[TrendPoint]:
     """Every point of one metric from ``since`` on and before ``until``, in the order of the assessments."""
-    items = []
+    items: list[TrendPoint] = []
     for assessment in assessments:
         value = assessment.trend.get(metric)
-        if value is None or value["mean"] is None:
+        if value is None or value["mean"] is None or value["low"] is None or value["high"] is None:
             continue
         if (since is not None and assessment.at < since) or (until is not None and assessment.at >= until):
             continue
         items.append(
             {
-                "at": assessment.at,
+                "at": instant(assessment.at),
                 "value": value["mean"],
                 "low": value["low"],
                 "high": value["high"],
@@ -55,7 +59,7 @@ def points_of(
     return items
 
 
-def thinned(items: Sequence[dict[str, Any]], most: int) -> list[dict[str, Any]]:
+def thinned(items: Sequence[Point], most: int) -> list[Point]:
     """Every bucket's lowest and highest point, with the first and the last point of all, in order."""
     if len(items) <= most:
         return list(items)

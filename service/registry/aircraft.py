@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from pydantic import ConfigDict, Field, field_serializer
 from sqlalchemy import Select, or_, select, tuple_
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers import registry as answers
+from service.answers.words import instant
 from service.bodies import Body
 from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
@@ -90,10 +92,11 @@ def listed(principal: Principal, after: Sequence[Any] | None = None) -> Select[A
     return query.order_by(Aircraft.operator, Aircraft.name)
 
 
-def document(session: Session, row: Aircraft) -> dict[str, Any]:
+def document(session: Session, row: Aircraft) -> answers.Aircraft:
     """An aircraft in the shape of the API."""
     values = _DEFAULTS | registry_values(session, row.operator, "aircraft", row.name)
-    return {"aircraft": row.name, "operator": row.operator, **values, "created_at": row.created_at}
+    named = {"aircraft": row.name, "operator": row.operator, **values, "created_at": instant(row.created_at)}
+    return cast("answers.Aircraft", named)
 
 
 def create(session: Session, operator: str, body: NewAircraft, author: str) -> Aircraft:

@@ -195,7 +195,7 @@ def _apply_aircraft(
     if row is None:
         aircraft.create(session, operator, aircraft.NewAircraft(aircraft=line.aircraft, **wanted), principal.owner)
         return "created"
-    held = aircraft.document(session, row)
+    held: dict[str, object] = dict(aircraft.document(session, row))
     if all(held[name] == value for name, value in wanted.items()):
         return "unchanged"
     aircraft.change(session, row, aircraft.AircraftChange(**wanted), principal.owner, archive)
@@ -235,7 +235,7 @@ def _pump_rows(session: Session, principal: Principal) -> Iterator[dict[str, Any
 
 def _aircraft_rows(session: Session, principal: Principal) -> Iterator[dict[str, Any]]:
     for row in session.scalars(aircraft.listed(principal)):
-        yield aircraft.document(session, row)
+        yield dict(aircraft.document(session, row))
 
 
 def _installation_rows(session: Session, principal: Principal) -> Iterator[dict[str, Any]]:
@@ -245,5 +245,6 @@ def _installation_rows(session: Session, principal: Principal) -> Iterator[dict[
         query = query.where(Pump.operator == principal.operator)
     for row, operator, serial in session.execute(query.order_by(Pump.operator, Pump.serial, Installation.installed_at)):
         shown = installations.document(row)
-        instants = {name: shown[name].isoformat() if shown[name] else None for name in ("from", "to")}
-        yield shown | instants | {"operator": operator, "pump": serial}
+        end = row.removed_at.isoformat() if row.removed_at else None
+        instants = {"from": row.installed_at.isoformat(), "to": end}
+        yield dict(shown) | instants | {"operator": operator, "pump": serial}

@@ -12,6 +12,8 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.access.security import Principal
+from service.answers import administration as answers
+from service.answers.words import instant
 from service.errors import Conflict, Unavailable
 from service.registry.ownership import owned_tables, rows_of
 from service.registry.raw_bytes import archive_digests, document_digests, needs_of
@@ -48,20 +50,20 @@ def finish_deletions(database: Database, raw_store: RawStore) -> None:
         _finish(database, raw_store, deletion_id)
 
 
-def document(row: Deletion) -> dict[str, Any]:
+def document(row: Deletion) -> answers.Deletion:
     """A deletion in the shape of the API; ``receipt`` is empty until it is finished."""
     return {
         "id": row.id,
         "operator": row.deleted_operator,
         "author": row.author,
         "reason": row.reason,
-        "started_at": row.started_at,
-        "finished_at": row.finished_at,
+        "started_at": instant(row.started_at),
+        "finished_at": instant(row.finished_at),
         "receipt": row.receipt,
     }
 
 
-def receipt_hash(receipt: dict[str, Any]) -> str:
+def receipt_hash(receipt: answers.Receipt) -> str:
     """SHA-256 of a receipt without its own ``sha256``, as canonical JSON."""
     bare = {key: value for key, value in receipt.items() if key != "sha256"}
     return hashlib.sha256(json.dumps(bare, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
@@ -103,7 +105,7 @@ def _finish(database: Database, raw_store: RawStore, deletion_id: str) -> Deleti
             continue
         _remove(database, raw_store, digest)
         removed.append(digest)
-    receipt: dict[str, Any] = {
+    receipt: answers.Receipt = {
         "operator": row.deleted_operator,
         "reason": row.reason,
         "author": row.author,

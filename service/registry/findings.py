@@ -1,10 +1,12 @@
 """Findings of the workshop, and what they say about the verdicts: false alarms and missed faults."""
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
+from service.answers import history as answers
+from service.answers.words import instant
 from service.bodies import Body
 from service.registry.entries import add, correct, entry
 from service.registry.fields import Instant, Note
@@ -67,15 +69,15 @@ def change(session: Session, pump: Pump, entry_id: str, body: FindingChange, aut
     return correct(session, row, pump, author, held | values)
 
 
-def document(row: Finding) -> dict[str, Any]:
+def document(row: Finding) -> answers.Finding:
     """A finding in the shape of the API."""
     return {
         "id": row.id,
-        "at": row.at,
+        "at": instant(row.at),
         "found": row.found,
         "measured_case_flow_lpm": row.measured_case_flow_lpm,
         "removed": row.removed,
         "note": row.note,
-        "recorded_at": row.recorded_at,
+        "recorded_at": instant(row.recorded_at),
         "author": row.author,
     }

@@ -1,6 +1,7 @@
 """Installations: entered as intervals without overlap, inferred from the records where nobody entered any."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -8,6 +9,8 @@ from pydantic import ConfigDict, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.answers.history import PlaceInTime
+from service.answers.words import instant
 from service.bodies import Body
 from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
@@ -88,53 +91,80 @@ def remove(session: Session, pump: Pump, entry_id: str, archive: Archive) -> Non
     refold(session, pump, archive, Cause(CHANGED, entry_id))
 
 
-def document(row: Installation) -> dict[str, Any]:
+def document(row: Installation) -> PlaceInTime:
     """An entered installation in the shape of the API."""
     return {
         "id": row.id,
         "aircraft": row.aircraft,
         "position": row.position,
-        "from": row.installed_at,
-        "to": row.removed_at,
+        "from": instant(row.installed_at),
+        "to": instant(row.removed_at),
         "source": "entry",
-        "recorded_at": row.recorded_at,
+        "recorded_at": instant(row.recorded_at),
         "author": row.author,
     }
 
 
-def installations(session: Session, pump: Pump) -> list[dict[str, Any]]:
+def installations(session: Session, pump: Pump) -> list[PlaceInTime]:
     """Entered installations and, outside them, those that the records show; in event order."""
+    return [stay.document() for stay in _stays(session, pump)]
+
+
+def current_installation(session: Session, pump: Pump, now: datetime) -> PlaceInTime | None:
+    """Where a pump sits now: as entered, else where its records last came from; None once it was removed."""
+    lasting = [s for s in _stays(session, pump) if s.start <= now and (s.end is None or s.end > now)]
+    return lasting[-1].document() if lasting else None
+
+
+@dataclass(slots=True)
+class _Stay:
+    """A stretch of time at one place; ``entry`` is None where records show it."""
+
+    aircraft: str
+    position: str
+    start: datetime
+    end: datetime | None
+    entry: Installation | None = None
+
+    def document(self) -> PlaceInTime:
+        """In the shape of the API."""
+        if self.entry is not None:
+            return document(self.entry)
+        return {
+            "id": None,
+            "aircraft": self.aircraft,
+            "position": self.position,
+            "from": instant(self.start),
+            "to": instant(self.end),
+            "source": "records",
+        }
+
+
+def _stays(session: Session, pump: Pump) -> list[_Stay]:
     entered_ones = entries(session, Installation, pump.id)
-    found = [document(row) for row in entered_ones]
-    run: dict[str, Any] | None = None
+    found = [_Stay(i.aircraft, i.position, i.installed_at, i.removed_at, i) for i in entered_ones]
+    run: _Stay | None = None
     for assessment in session.scalars(queries.assessments(pump.id)):
         place, at = (assessment.aircraft, assessment.position), assessment.at
         covered = any(i.installed_at <= at and (i.removed_at is None or at < i.removed_at) for i in entered_ones)
-        if run is not None and (covered or place != (run["aircraft"], run["position"])):
-            run["to"] = at
+        if run is not None and (covered or place != (run.aircraft, run.position)):
+            run.end = at
             run = None
         if covered:
             continue
         if run is None:
-            run = {"id": None, "aircraft": place[0], "position": place[1], "from": at, "to": None, "source": "records"}
+            run = _Stay(*place, at, None)
             found.append(run)
-    _close(found, [row.installed_at for row in entered_ones])
-    return sorted(found, key=lambda i: i["from"])
+    _close([s for s in found if s.entry is None], [row.installed_at for row in entered_ones])
+    return sorted(found, key=lambda s: s.start)
 
 
-def current_installation(session: Session, pump: Pump, now: datetime) -> dict[str, Any] | None:
-    """Where a pump sits now: as entered, else where its records last came from; None once it was removed."""
-    found = [i for i in installations(session, pump) if i["from"] <= now]
-    lasting = [i for i in found if i["to"] is None or i["to"] > now]
-    return lasting[-1] if lasting else None
-
-
-def _close(found: Iterable[dict[str, Any]], starts: Iterable[datetime]) -> None:
+def _close(inferred: Iterable[_Stay], starts: Iterable[datetime]) -> None:
     """An inferred installation ends at the latest where an entered one starts."""
-    for inferred in (i for i in found if i["source"] == "records"):
-        later = [s for s in starts if s > inferred["from"]]
-        if later and (inferred["to"] is None or min(later) < inferred["to"]):
-            inferred["to"] = min(later)
+    for stay in inferred:
+        later = [s for s in starts if s > stay.start]
+        if later and (stay.end is None or min(later) < stay.end):
+            stay.end = min(later)
 
 
 def _checked(session: Session, pump: Pump, body: NewInstallation, old: Installation | None) -> dict[str, Any]:

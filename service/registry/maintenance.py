@@ -1,10 +1,12 @@
 """Maintenance: what was done to a pump or around it, and resets what it touches."""
 
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import ConfigDict
 from sqlalchemy.orm import Session
 
+from service.answers import history as answers
+from service.answers.words import instant
 from service.bodies import Body
 from service.history.archive import Archive
 from service.monitoring.refold import Cause, refold
@@ -48,7 +50,7 @@ def change(
 ) -> MaintenanceEvent:
     """Correct a maintenance event of a locked pump and fold it anew."""
     row = entry(session, MaintenanceEvent, pump, entry_id)
-    values = {"at": row.at, "action": row.action, "note": row.note} | body.model_dump(exclude_none=True)
+    values = {"at": instant(row.at), "action": row.action, "note": row.note} | body.model_dump(exclude_none=True)
     corrected = correct(session, row, pump, author, values)
     refold(session, pump, archive, Cause(CHANGED, entry_id))
     return corrected
@@ -60,13 +62,13 @@ def remove(session: Session, pump: Pump, entry_id: str, archive: Archive) -> Non
     refold(session, pump, archive, Cause(CHANGED, entry_id))
 
 
-def document(row: MaintenanceEvent) -> dict[str, Any]:
+def document(row: MaintenanceEvent) -> answers.MaintenanceEvent:
     """A maintenance event in the shape of the API."""
     return {
         "id": row.id,
-        "at": row.at,
+        "at": instant(row.at),
         "action": row.action,
         "note": row.note,
-        "recorded_at": row.recorded_at,
+        "recorded_at": instant(row.recorded_at),
         "author": row.author,
     }

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from pydantic import ConfigDict, Field
 from sqlalchemy import func, or_, select, union, update
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.administration import Operator
 from service.bodies import Body
 from service.errors import Forbidden, NotFound
 from service.registry.raw_bytes import archive_digests
@@ -41,7 +41,7 @@ def check_visible(session: Session, asker: Principal, operator: str) -> None:
         raise NotFound(f"there is no operator {operator}")
 
 
-def documents(session: Session, operators: Sequence[str]) -> list[dict[str, Any]]:
+def documents(session: Session, operators: Sequence[str]) -> list[Operator]:
     """Operators in the shape of the API."""
     pumps = _counts(session, Pump)
     records = _counts(session, Record)

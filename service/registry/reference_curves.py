@@ -1,12 +1,13 @@
 """Healthy points measured on an iron bird or a test bench, in place of the twin's reference curve."""
 
 from datetime import UTC, datetime
-from typing import Any
 
 from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from detectors.expectation.type_correction import followed
+from service.answers import registry as answers
+from service.answers.words import instant
 from service.bodies import Body
 from service.errors import Fault, Invalid
 from service.history.healthy_curves import MeasuredPoint, judged_curve
@@ -71,7 +72,7 @@ def put(session: Session, operator: str | None, pump_type: str, body: NewReferen
     return row
 
 
-def document(pump_type: str, row: ReferenceCurve | None) -> dict[str, Any]:
+def document(pump_type: str, row: ReferenceCurve | None) -> answers.ReferenceCurve:
     """A reference curve in the shape of the API; without measured points the twin's own holds."""
     if row is None:
         return {"pump_type": pump_type, "source": "twin", "operator": None, "points": [], "recorded_at": None}
@@ -80,6 +81,6 @@ def document(pump_type: str, row: ReferenceCurve | None) -> dict[str, Any]:
         "source": "measured",
         "operator": row.operator,
         "points": row.points["items"],
-        "recorded_at": row.recorded_at,
+        "recorded_at": instant(row.recorded_at),
         "author": row.author,
     }

@@ -2,17 +2,17 @@
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from typing import Any
 
 from detectors.curve.svg import ACCENT, BAND, QUIET, Frame, axes, document, line, padded, path, text
+from service.answers.pumps import TrendPoint
 
 WIDTH, HEIGHT = 820, 250
 _SPARK = (120, 28)
 
 
-def trend_svg(title: str, unit: str, items: Sequence[dict[str, Any]], limit: float | None = None) -> str:
+def trend_svg(title: str, unit: str, items: Sequence[TrendPoint], limit: float | None = None) -> str:
     """Chart of one metric over time with its 90 % interval; ``limit`` is drawn as a dashed line."""
-    instants = [item["at"].timestamp() for item in items]
+    instants = [datetime.fromisoformat(item["at"]).timestamp() for item in items]
     values = [v for item in items for v in (item["value"], item["low"], item["high"])]
     low, high = padded([*values, *([] if limit is None else [limit])])
     start, end = padded(instants, share=0.02, smallest=43_200.0)

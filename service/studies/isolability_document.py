@@ -1,13 +1,13 @@
 """What an isolability study found, as JSON."""
 
 import math
-from typing import Any
 
 from detectors.isolability.bounds import FaultBound, Isolability
 from detectors.words.verdict import SIDE_OF
+from service.answers import twin as answers
 
 
-def isolability_document(found: Isolability) -> dict[str, Any]:
+def isolability_document(found: Isolability) -> answers.IsolabilityStudy:
     """Bounds as JSON; null where no size inside the linear model would do."""
     plan = found.plan
     return {
@@ -26,7 +26,7 @@ def isolability_document(found: Isolability) -> dict[str, Any]:
     }
 
 
-def _fault(fault: FaultBound) -> dict[str, Any]:
+def _fault(fault: FaultBound) -> answers.FaultBounds:
     return {
         "state": fault.state.value,
         "side": SIDE_OF[fault.state].value,

@@ -30,6 +30,7 @@ from service.registry.deletion import finish_deletions
 from service.registry.operators import expire
 from service.running import opened
 from service.settings import Settings
+from service.web.answer_route import unknown_parameters
 from service.web.api_document.document import openapi_document
 from service.web.api_document.page import docs_router
 from service.web.dashboard.actions import action_router
@@ -198,10 +199,11 @@ async def _on_problem(_request: Request, error: Exception) -> Response:
     return _problem_response(error)
 
 
-async def _on_validation(_request: Request, error: Exception) -> Response:
+async def _on_validation(request: Request, error: Exception) -> Response:
     if not isinstance(error, RequestValidationError):
         raise TypeError("only validation errors come here")
     faults = [Fault(".".join(str(p) for p in e["loc"]), e["msg"]) for e in error.errors()]
+    faults += unknown_parameters(request)
     return _problem_response(Invalid(f"the request has {len(faults)} fault(s)", faults))
 
 

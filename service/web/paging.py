@@ -6,11 +6,13 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
+from service.answers.words import Page
 from service.errors import Fault, Invalid
 
 MOST_ITEMS = 500
 DEFAULT_ITEMS = 100
 Row = TypeVar("Row")
+Shown = TypeVar("Shown")
 
 
 def _signature(query: Mapping[str, Any], place: Any) -> str:
@@ -51,8 +53,8 @@ def page(
     limit: int,
     query: Mapping[str, Any],
     place: Callable[[Row], Any],
-    shown: Callable[[Row], dict[str, Any]],
-) -> dict[str, Any]:
+    shown: Callable[[Row], Shown],
+) -> Page[Shown]:
     """One page of ``rows``, of which one more than ``limit`` was fetched to know whether there are more."""
     more = len(rows) > limit
     rows = rows[:limit]

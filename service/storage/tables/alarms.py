@@ -6,7 +6,8 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.storage.tables.base import Base
+from service.answers.alarms import AlarmEvent
+from service.storage.tables.base import JSON_COLUMN, Base
 
 
 class Alarm(Base):
@@ -34,13 +35,13 @@ class Alarm(Base):
     priority: Mapped[str]
     verdict_state: Mapped[str]
     side: Mapped[str]
-    candidates: Mapped[list[Any]]
+    candidates: Mapped[list[str]] = mapped_column(JSON_COLUMN)
     beyond_limit: Mapped[bool]
     shelved_until: Mapped[datetime | None]
     closed_at: Mapped[datetime | None]
     withdrawn_at: Mapped[datetime | None]
     cause: Mapped[str | None]
-    history: Mapped[list[Any]]
+    history: Mapped[list[AlarmEvent]] = mapped_column(JSON_COLUMN)
     created_at: Mapped[datetime]
     changed_at: Mapped[datetime]
 
@@ -76,7 +77,7 @@ class Webhook(Base):
     id: Mapped[str] = mapped_column(primary_key=True)
     operator: Mapped[str | None] = mapped_column(index=True)
     url: Mapped[str]
-    events: Mapped[list[Any]]
+    events: Mapped[list[str]] = mapped_column(JSON_COLUMN)
     secret: Mapped[str]
     owner: Mapped[str]
     created_at: Mapped[datetime]

@@ -29,7 +29,7 @@ class UtcDateTime(TypeDecorator[datetime]):
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
 
 
-_JSON = JSON().with_variant(JSONB(), "postgresql")
+JSON_COLUMN = JSON().with_variant(JSONB(), "postgresql")
 
 
 class Base(DeclarativeBase):
@@ -45,7 +45,7 @@ class Base(DeclarativeBase):
     )
     type_annotation_map = {  # noqa: RUF012 - SQLAlchemy's own protocol
         datetime: UtcDateTime(),
-        dict[str, Any]: _JSON,
-        list[Any]: _JSON,
+        dict[str, Any]: JSON_COLUMN,
+        list[Any]: JSON_COLUMN,
         str: String(),
     }

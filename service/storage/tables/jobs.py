@@ -6,7 +6,9 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.storage.tables.base import Base
+from service.answers.jobs import JobResult
+from service.answers.problems import Problem
+from service.storage.tables.base import JSON_COLUMN, Base
 
 QUEUED = "queued"
 RUNNING = "running"
@@ -28,8 +30,8 @@ class Job(Base):
     done: Mapped[int]
     total: Mapped[int | None]
     parameters: Mapped[dict[str, Any]]
-    result: Mapped[dict[str, Any] | None]
-    problem: Mapped[dict[str, Any] | None]
+    result: Mapped[JobResult | None] = mapped_column(JSON_COLUMN)
+    problem: Mapped[Problem | None] = mapped_column(JSON_COLUMN)
     cancel_requested: Mapped[bool]
     author: Mapped[str]
     created_at: Mapped[datetime]

@@ -5,7 +5,8 @@ from typing import Any
 
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.storage.tables.base import Base
+from service.answers.administration import Receipt
+from service.storage.tables.base import JSON_COLUMN, Base
 
 
 class OperatorSettings(Base):
@@ -34,4 +35,4 @@ class Deletion(Base):
     started_at: Mapped[datetime]
     finished_at: Mapped[datetime | None]
     pending: Mapped[dict[str, Any]]
-    receipt: Mapped[dict[str, Any]]
+    receipt: Mapped[Receipt] = mapped_column(JSON_COLUMN)

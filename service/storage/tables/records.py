@@ -9,7 +9,10 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, text
 from sqlalchemy.orm import Mapped, mapped_column, validates
 
-from service.storage.tables.base import Base
+from service.answers.problems import Problem
+from service.answers.records import Residual, StoredReduction, Withdrawal
+from service.answers.verdicts import Estimate, Verdict
+from service.storage.tables.base import JSON_COLUMN, Base
 
 STORED = "stored"
 ANALYSED = "analysed"
@@ -27,7 +30,7 @@ class ReductionOutline:
     has_spectrum: bool
 
     @classmethod
-    def of(cls, reduction: dict[str, Any]) -> "ReductionOutline":
+    def of(cls, reduction: StoredReduction) -> "ReductionOutline":
         """Outline of a reduction as it is stored."""
         canonical = json.dumps(reduction, sort_keys=True, separators=(",", ":"))
         return cls(
@@ -79,7 +82,7 @@ class Record(Base):
     pump_type: Mapped[str | None]
     flight_hours: Mapped[float | None]
     status: Mapped[str]
-    problem: Mapped[dict[str, Any] | None]
+    problem: Mapped[Problem | None] = mapped_column(JSON_COLUMN)
     request: Mapped[dict[str, Any]]
     attributes: Mapped[dict[str, Any]] = mapped_column(default=dict)
     content_hash: Mapped[str]
@@ -89,11 +92,11 @@ class Record(Base):
     supersedes: Mapped[str | None]
     received_at: Mapped[datetime]
     ended_at: Mapped[datetime | None]
-    withdrawal: Mapped[dict[str, Any] | None]
+    withdrawal: Mapped[Withdrawal | None] = mapped_column(JSON_COLUMN)
     raw_removed_at: Mapped[datetime | None]
     reduced_with: Mapped[str | None]
-    reduction: Mapped[dict[str, Any] | None]
-    residuals: Mapped[dict[str, Any] | None]
+    reduction: Mapped[StoredReduction | None] = mapped_column(JSON_COLUMN)
+    residuals: Mapped[dict[str, dict[str, Residual]] | None] = mapped_column(JSON_COLUMN)
     reduction_digest: Mapped[str | None]
     has_zero_flow: Mapped[bool | None]
     has_spectrum: Mapped[bool | None]
@@ -101,7 +104,7 @@ class Record(Base):
     waits_for: Mapped[int | None]
 
     @validates("reduction")
-    def _outlined(self, _name: str, reduction: dict[str, Any] | None) -> dict[str, Any] | None:
+    def _outlined(self, _name: str, reduction: StoredReduction | None) -> StoredReduction | None:
         outline = None if reduction is None else ReductionOutline.of(reduction)
         self.reduction_digest = outline.digest if outline else None
         self.has_zero_flow = outline.has_zero_flow if outline else None
@@ -126,25 +129,24 @@ class StoredAssessment(Base):
     aircraft: Mapped[str]
     position: Mapped[str]
     state: Mapped[str]
-    trend: Mapped[dict[str, Any]]
-    verdict: Mapped[dict[str, Any]]
+    trend: Mapped[dict[str, Estimate]] = mapped_column(JSON_COLUMN)
+    verdict: Mapped[Verdict] = mapped_column(JSON_COLUMN)
     chain: Mapped[str | None]
     side: Mapped[str | None]
     candidates: Mapped[list[Any] | None]
     case_flow_lpm: Mapped[float | None]
 
     @validates("verdict")
-    def _repeated(self, _name: str, verdict: dict[str, Any]) -> dict[str, Any]:
+    def _repeated(self, _name: str, verdict: Verdict) -> Verdict:
         self.side, self.candidates = verdict["side"], list(verdict["candidates"])
         self.case_flow_lpm = case_flow_of(verdict)
         return verdict
 
 
-def case_flow_of(verdict: dict[str, Any]) -> float | None:
+def case_flow_of(verdict: Verdict) -> float | None:
     """Case flow at the reference condition of a verdict as it is stored; None where it has no estimate."""
-    estimate = (verdict.get("estimates") or {}).get("case_flow_at_reference_lpm") or {}
-    mean: float | None = estimate.get("mean")
-    return mean
+    estimate = (verdict.get("estimates") or {}).get("case_flow_at_reference_lpm")
+    return estimate["mean"] if estimate else None
 
 
 class Refusal(Base):
@@ -156,4 +158,4 @@ class Refusal(Base):
     operator: Mapped[str]
     content_hash: Mapped[str]
     received_at: Mapped[datetime] = mapped_column(index=True)
-    problem: Mapped[dict[str, Any]]
+    problem: Mapped[Problem] = mapped_column(JSON_COLUMN)

@@ -6,7 +6,8 @@ from typing import Any
 from sqlalchemy import Index, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.storage.tables.base import Base
+from service.answers.registry import ReferencePoints
+from service.storage.tables.base import JSON_COLUMN, Base
 
 
 class Pump(Base):
@@ -68,6 +69,6 @@ class ReferenceCurve(Base):
     id: Mapped[int] = mapped_column(primary_key=True)
     pump_type: Mapped[str]
     operator: Mapped[str | None]
-    points: Mapped[dict[str, Any]]
+    points: Mapped[ReferencePoints] = mapped_column(JSON_COLUMN)
     recorded_at: Mapped[datetime]
     author: Mapped[str]

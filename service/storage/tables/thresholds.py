@@ -1,12 +1,11 @@
 """Versions of thresholds, and pumps that are held at an earlier one."""
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.storage.tables.base import Base
+from service.storage.tables.base import JSON_COLUMN, Base
 
 
 class ThresholdVersion(Base):
@@ -19,7 +18,7 @@ class ThresholdVersion(Base):
     scope: Mapped[str]
     scope_id: Mapped[str]
     operator: Mapped[str | None]
-    values: Mapped[dict[str, Any]]
+    values: Mapped[dict[str, float]] = mapped_column(JSON_COLUMN)
     author: Mapped[str]
     reason: Mapped[str]
     created_at: Mapped[datetime]

@@ -9,7 +9,10 @@ from typing import Any
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
+from pydantic import TypeAdapter
 
+from service.answers.problems import Problem as ProblemShape
+from service.answers.words import SHAPES
 from service.errors import (
     PROBLEM_JSON,
     Conflict,
@@ -26,6 +29,7 @@ from service.errors import (
     Undecodable,
     UnknownType,
 )
+from service.web.answer_route import SHAPE_KEY
 
 _DESCRIPTION = """
 Flight records go in, verdicts come out: which pump needs attention, on which side the fault lies, and why.
@@ -164,12 +168,50 @@ def _completed(app: FastAPI) -> dict[str, Any]:
     schemas = components.setdefault("schemas", {})
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
-    schemas["Problem"] = _PROBLEM_SCHEMA
+    schemas |= _problem_schemas()
     components["securitySchemes"] = {"key": {"type": "http", "scheme": "bearer", "description": "An API key"}}
+    for _, _, operation in operations(document):
+        _name_shapes(operation, schemas)
+    _inherit(schemas)
     examples = recorded_examples()
     for method, path, operation in operations(document):
         _complete(method, path, operation, examples.get(f"{method} {path}"))
     return document
+
+
+def _problem_schemas() -> dict[str, Any]:
+    schema = TypeAdapter(ProblemShape).json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
+    inner: dict[str, Any] = schema.pop("$defs", {})
+    return {"Problem": schema, **inner}
+
+
+def _name_shapes(operation: dict[str, Any], schemas: dict[str, Any]) -> None:
+    """An answer's shape stands among the components under its own name."""
+    for response in operation["responses"].values():
+        content = response.get("content", {}).get("application/json", {})
+        schema = content.get("schema", {})
+        name = schema.pop(SHAPE_KEY, "")
+        if name and "$ref" not in schema:
+            schemas.setdefault(name, {**schema, "title": name})
+            content["schema"] = {"$ref": f"#/components/schemas/{name}"}
+
+
+def _inherit(schemas: dict[str, Any]) -> None:
+    """Fields that a shape has from another one are described there."""
+    for name, kind in SHAPES.items():
+        fields = schemas.get(name, {}).get("properties", {})
+        for base in _bases(kind):
+            described = TypeAdapter(base).json_schema(mode="serialization")["properties"]
+            for field, schema in fields.items():
+                if "description" not in schema and "description" in described.get(field, {}):
+                    schema["description"] = described[field]["description"]
+
+
+def _bases(kind: type) -> Iterator[type]:
+    for base in getattr(kind, "__orig_bases__", ()):
+        if base.__name__ in SHAPES:
+            yield base
+            yield from _bases(base)
 
 
 def _complete(method: str, path: str, operation: dict[str, Any], example: Any) -> None:
@@ -205,27 +247,3 @@ def _problem_response(status: int) -> dict[str, Any]:
     problem = _BY_STATUS[status]
     content = {"schema": {"$ref": "#/components/schemas/Problem"}, "example": deepcopy(problem.body())}
     return {"description": HTTPStatus(status).phrase, "content": {PROBLEM_JSON: content}}
-
-
-_PROBLEM_SCHEMA: dict[str, Any] = {
-    "title": "Problem",
-    "description": "A problem document (RFC 9457).",
-    "type": "object",
-    "required": ["type", "title", "status", "detail"],
-    "properties": {
-        "type": {"type": "string", "format": "uri"},
-        "title": {"type": "string"},
-        "status": {"type": "integer"},
-        "detail": {"type": "string", "description": "What happened, and what to do next"},
-        "errors": {
-            "type": "array",
-            "description": "Every fault found in a bad input",
-            "items": {
-                "type": "object",
-                "required": ["where", "problem"],
-                "properties": {"where": {"type": "string"}, "problem": {"type": "string"}},
-            },
-        },
-    },
-    "additionalProperties": True,
-}

@@ -17,6 +17,7 @@ from detectors.words.verdict import FAULTS, TREND_METRICS, State
 from service import __version__
 from service.access.security import Principal
 from service.alarms import reading
+from service.answers.alarms import Alarm
 from service.context import Context
 from service.errors import NotFound, Problem, Unauthenticated
 from service.history.knowledge import entries
@@ -107,7 +108,7 @@ def html_page(template: str, status: int, values: dict[str, Any]) -> HTMLRespons
 def _fleet_body(request: Request, context: Context, page: int) -> _Body:
     asker = principal(request)
     with context.database.reading() as session:
-        everyone = fleet(session, asker)
+        everyone: list[dict[str, Any]] = [dict(pump) for pump in fleet(session, asker)]
     last = max(1, -(-len(everyone) // _PUMPS_PER_PAGE))
     page = min(max(page, 1), last)
     pumps = everyone[(page - 1) * _PUMPS_PER_PAGE : page * _PUMPS_PER_PAGE]
@@ -197,7 +198,7 @@ def _local(instant: datetime) -> str:
     return f"{instant:%Y-%m-%dT%H:%M}"
 
 
-def _alarms(session: Session, asker: Principal, row: Pump) -> list[dict[str, Any]]:
+def _alarms(session: Session, asker: Principal, row: Pump) -> list[Alarm]:
     """The pump's newest alarms as the API shows them."""
     query = reading.alarms(asker, serial=row.serial, operator=row.operator).limit(_MOST_ALARMS)
     return [reading.shown(alarm, serial, kind) for alarm, serial, kind in session.execute(query)]

@@ -1,21 +1,25 @@
 """Aircraft: list, register, look up, change, and the trend of a position."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
 
 from detectors.words.verdict import TREND_METRICS
 from service.access import audit
+from service.answers.pumps import PositionTrend, PositionTrendPoint
+from service.answers.registry import Aircraft
+from service.answers.words import Page
 from service.errors import Conflict
 from service.reading import queries
 from service.reading.trend import check_metric, points_of, thinned
 from service.registry import aircraft as registry
 from service.registry.fields import Instant
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/aircraft", tags=["registry"])
+router = APIRouter(prefix="/aircraft", tags=["registry"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this aircraft")]
 
 
@@ -25,7 +29,7 @@ def listed(
     asker: Asker,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[Aircraft]:
     """Page through the aircraft that this key may see, by operator and name."""
     query = {"list": "aircraft"}
     after = place_of(query, cursor)
@@ -35,7 +39,7 @@ def listed(
 
 
 @router.post("", status_code=201, summary="Register an aircraft")
-def create(body: registry.NewAircraft, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def create(body: registry.NewAircraft, response: Response, context: ContextOf, asker: Asker) -> Aircraft:
     """Register an aircraft with its fluid, circuit and sensors."""
     asker.require("engineer")
     operator = asker.operator_of(body.operator)
@@ -51,7 +55,7 @@ def create(body: registry.NewAircraft, response: Response, context: ContextOf, a
 
 
 @router.get("/{name}", summary="One aircraft")
-def one(name: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def one(name: str, context: ContextOf, asker: Asker, operator: Operator = None) -> Aircraft:
     """Fluid, circuit and sensors of an aircraft; ``confirmed`` is false for one that only records speak of."""
     with context.database.reading() as session:
         return registry.document(session, queries.aircraft(session, asker, name, operator))
@@ -60,7 +64,7 @@ def one(name: str, context: ContextOf, asker: Asker, operator: Operator = None) 
 @router.patch("/{name}", summary="Change an aircraft")
 def change(
     name: str, body: registry.AircraftChange, context: ContextOf, asker: Asker, operator: Operator = None
-) -> dict[str, Any]:
+) -> Aircraft:
     """Set what the body names; its pumps are folded anew where circuit, fluid or sensors change."""
     asker.require("engineer")
     with context.database.writing() as session:
@@ -82,7 +86,7 @@ def trend(
     since: Annotated[Instant | None, Query(alias="from")] = None,
     until: Annotated[Instant | None, Query(alias="to")] = None,
     points: Annotated[int, Query(ge=4, le=10_000)] = 1000,
-) -> dict[str, Any]:
+) -> PositionTrend:
     """Points of a metric over all pumps that sat at a position, in event order; each names its pump."""
     check_metric(metric)
     with context.database.reading() as session:
@@ -90,5 +94,5 @@ def trend(
         pairs = session.execute(queries.assessments_at(row.operator, row.name, position)).all()
         serials = {assessment.record_id: serial for assessment, serial in pairs}
         items = points_of([assessment for assessment, _ in pairs], metric, since, until)
-    shown = [item | {"pump": serials[item["record_id"]]} for item in thinned(items, points)]
+    shown: list[PositionTrendPoint] = [{**item, "pump": serials[item["record_id"]]} for item in thinned(items, points)]
     return {"metric": metric, "unit": TREND_METRICS[metric], "items": shown}

@@ -1,7 +1,7 @@
 """Alarms: what wants attention, and what is done about it."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import ConfigDict, Field
@@ -9,11 +9,14 @@ from pydantic import ConfigDict, Field
 from service.alarms import reading
 from service.alarms.handling import Wish, handle
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
+from service.answers.alarms import Alarm
+from service.answers.words import Page
 from service.bodies import Body
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/alarms", tags=["alarms"])
+router = APIRouter(prefix="/alarms", tags=["alarms"], route_class=AnswerRoute)
 
 
 class Remark(Body):
@@ -51,7 +54,7 @@ def listed(
     operator: str | None = None,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[Alarm]:
     """Page through the alarms that this key may see."""
     query = {"list": "alarms", "state": state, "pump": pump, "operator": operator}
     after = place_of(query, cursor)
@@ -69,7 +72,7 @@ def listed(
 
 
 @router.get("/{alarm_id}", summary="One alarm with its history")
-def one(alarm_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def one(alarm_id: str, context: ContextOf, asker: Asker) -> Alarm:
     """An alarm and everything that happened to it."""
     with context.database.reading() as session:
         row, pump = reading.alarm(session, asker, alarm_id)
@@ -77,24 +80,24 @@ def one(alarm_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
 
 
 @router.post("/{alarm_id}/acknowledge", summary="Say that it was seen")
-def acknowledge(alarm_id: str, context: ContextOf, asker: Asker, body: Remark | None = None) -> dict[str, Any]:
+def acknowledge(alarm_id: str, context: ContextOf, asker: Asker, body: Remark | None = None) -> Alarm:
     """Acknowledge an alarm; an escalation asks again."""
     return handle(context.database, asker, alarm_id, Wish(ACKNOWLEDGE, body.reason if body else None))
 
 
 @router.post("/{alarm_id}/shelve", summary="Put it aside for a time")
-def shelve(alarm_id: str, body: Shelf, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def shelve(alarm_id: str, body: Shelf, context: ContextOf, asker: Asker) -> Alarm:
     """Shelve an active alarm with a reason, for no longer than `alarm_shelving_maximum_h`; an escalation ends it."""
     return handle(context.database, asker, alarm_id, Wish(SHELVE, body.reason, body.until))
 
 
 @router.post("/{alarm_id}/unshelve", summary="Take it back from the shelf")
-def unshelve(alarm_id: str, context: ContextOf, asker: Asker, body: Remark | None = None) -> dict[str, Any]:
+def unshelve(alarm_id: str, context: ContextOf, asker: Asker, body: Remark | None = None) -> Alarm:
     """End a shelf before its time."""
     return handle(context.database, asker, alarm_id, Wish(UNSHELVE, body.reason if body else None))
 
 
 @router.post("/{alarm_id}/close", summary="Close it with a reason")
-def close(alarm_id: str, body: Reason, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def close(alarm_id: str, body: Reason, context: ContextOf, asker: Asker) -> Alarm:
     """Close an alarm, whatever its condition; an escalation opens it again, a later fault is a new alarm."""
     return handle(context.database, asker, alarm_id, Wish(CLOSE, body.reason))

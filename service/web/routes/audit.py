@@ -1,16 +1,19 @@
 """The audit log."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 
 from service.access import audit
+from service.answers.administration import AuditEntry as Change
+from service.answers.words import Page, instant
 from service.registry.fields import Instant
 from service.storage.tables import AuditEntry
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/audit", tags=["administration"])
+router = APIRouter(prefix="/audit", tags=["administration"], route_class=AnswerRoute)
 
 
 @router.get("", summary="Who changed what, the newest first")
@@ -25,7 +28,7 @@ def listed(
     until: Annotated[Instant | None, Query(alias="to")] = None,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[Change]:
     """Page through the changes that this admin may see: an operator's admin sees those to its own data."""
     asker.require("admin")
     filters = {"actor": actor, "action": action, "subject": subject, "operator": operator}
@@ -37,9 +40,9 @@ def listed(
         return page(rows, limit, query, lambda row: [row.id], _shown)
 
 
-def _shown(row: AuditEntry) -> dict[str, Any]:
+def _shown(row: AuditEntry) -> Change:
     return {
-        "at": row.at,
+        "at": instant(row.at),
         "actor": row.actor,
         "role": row.role,
         "operator": row.operator,

@@ -1,22 +1,24 @@
 """Bulk upload: many records in one archive, imported by a job."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.security import Principal
+from service.answers import jobs as answers
 from service.context import Context
 from service.ingest.archive import NDJSON_TYPES, ZIP_TYPES, archive_kind, opened_archive
 from service.ingest.mapping_version import MappingVersion
 from service.jobs.requests import ask_for
 from service.storage.spool import SpooledFile
 from service.storage.tables import Job
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes.jobs import shown
-from service.web.routes.records import mapping_of, overrides_of
+from service.web.routes.records import METADATA_PARAMETERS, mapping_of, overrides_of
 
-router = APIRouter(prefix="/records", tags=["records"])
+router = APIRouter(prefix="/records", tags=["records"], route_class=AnswerRoute)
 _HEAD_BYTES = 64
 
 
@@ -25,7 +27,8 @@ _HEAD_BYTES = 64
     status_code=202,
     summary="Upload many flight records",
     openapi_extra={
-        "requestBody": {"required": True, "content": {kind: {} for kind in (ZIP_TYPES[0], NDJSON_TYPES[0])}}
+        "parameters": METADATA_PARAMETERS,
+        "requestBody": {"required": True, "content": {kind: {} for kind in (ZIP_TYPES[0], NDJSON_TYPES[0])}},
     },
 )
 async def upload_many(
@@ -34,10 +37,10 @@ async def upload_many(
     context: ContextOf,
     asker: Asker,
     mapping: Annotated[str | None, Query(description="Name of the channel mapping that the files need")] = None,
-) -> dict[str, Any]:
+) -> answers.Job:
     """Take a ZIP file or NDJSON; the job has a result per member, and sending it again changes nothing."""
     asker.require("analyst")
-    overrides = overrides_of(request, ("mapping",))
+    overrides = overrides_of(request)
     asker.operator_of(overrides.get("operator"))
     kind = request.headers.get("content-type", "")
     named = await run_in_threadpool(mapping_of, context, asker, overrides, mapping)

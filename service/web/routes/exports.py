@@ -7,9 +7,10 @@ from fastapi.responses import StreamingResponse
 
 from service.reading.exports import exported
 from service.registry.fields import Instant
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 
-router = APIRouter(prefix="/exports", tags=["exports"])
+router = APIRouter(prefix="/exports", tags=["exports"], route_class=AnswerRoute)
 _TYPES = {"csv": "text/csv; charset=utf-8", "parquet": "application/vnd.apache.parquet"}
 
 

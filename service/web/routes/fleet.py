@@ -1,12 +1,15 @@
 """The fleet at a glance."""
 
 from collections import Counter
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 
 from detectors.words.states import QUIET
 from detectors.words.verdict import TREND_METRICS
+from service.answers.fleet import FleetSummary, FleetTrend
+from service.answers.pumps import RankedPump
+from service.answers.words import Page
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
 from service.reading.fleet import fleet, pump_documents
@@ -14,14 +17,15 @@ from service.reading.fleet_trend import GroupBy, fleet_trend
 from service.reading.ranking import ranked
 from service.reading.trend import check_metric
 from service.registry.fields import Instant
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, cursor_after, place_of
 
-router = APIRouter(prefix="/fleet", tags=["fleet"])
+router = APIRouter(prefix="/fleet", tags=["fleet"], route_class=AnswerRoute)
 
 
 @router.get("/summary", summary="How the fleet is")
-def summary(context: ContextOf, asker: Asker) -> dict[str, Any]:
+def summary(context: ContextOf, asker: Asker) -> FleetSummary:
     """Counts by state and side, pumps that want attention or have gone silent, and how often the workshop agreed."""
     with context.database.reading() as session:
         pumps = fleet(session, asker)
@@ -43,7 +47,7 @@ def ranking(
     asker: Asker,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[RankedPump]:
     """Page through the pumps by urgency, each with its reasons in plain words."""
     query = {"list": "ranking"}
     place = place_of(query, cursor)
@@ -64,7 +68,7 @@ def trend(
     since: Annotated[Instant | None, Query(alias="from")] = None,
     until: Annotated[Instant | None, Query(alias="to")] = None,
     points: Annotated[int, Query(ge=4, le=10_000, description="About so many per group")] = 500,
-) -> dict[str, Any]:
+) -> FleetTrend:
     """Points of a metric in event order for each group, thinned without losing extremes."""
     check_metric(metric)
     with context.database.reading() as session:

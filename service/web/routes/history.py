@@ -1,6 +1,6 @@
 """A pump's history beside its records: installations, maintenance, findings."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Response
 from pydantic import BaseModel
@@ -8,6 +8,9 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.access.security import Principal
+from service.answers import history as answers
+from service.answers.history import PlaceInTime
+from service.answers.words import Page
 from service.history.knowledge import entries
 from service.reading import queries
 from service.registry import findings as finding_entries
@@ -16,14 +19,15 @@ from service.registry import maintenance as maintenance_entries
 from service.registry.entries import entry, withdraw
 from service.registry.locks import locked_pump
 from service.storage.tables import Finding, MaintenanceEvent, Pump
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 
-router = APIRouter(prefix="/pumps/{serial}", tags=["history"])
+router = APIRouter(prefix="/pumps/{serial}", tags=["history"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]
 
 
 @router.get("/installations", summary="Where a pump sat")
-def installations(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def installations(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> Page[PlaceInTime]:
     """Entered installations and those inferred from the records, in event order."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
@@ -38,7 +42,7 @@ def install(
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
-) -> dict[str, Any]:
+) -> PlaceInTime:
     """Say where a pump sat; it wins over the records, starts a baseline, and folds the pump anew."""
     asker.require("engineer")
     with context.database.writing() as session:
@@ -57,7 +61,7 @@ def correct_installation(
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
-) -> dict[str, Any]:
+) -> PlaceInTime:
     """Set what the body names and fold the pump anew; what was entered before stays readable at its time."""
     asker.require("engineer")
     with context.database.writing() as session:
@@ -80,7 +84,9 @@ def withdraw_installation(
 
 
 @router.get("/maintenance", summary="What was done to a pump")
-def maintenance(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def maintenance(
+    serial: str, context: ContextOf, asker: Asker, operator: Operator = None
+) -> Page[answers.MaintenanceEvent]:
     """Maintenance events in event order."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
@@ -96,7 +102,7 @@ def maintain(
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
-) -> dict[str, Any]:
+) -> answers.MaintenanceEvent:
     """Say what was done; it resets what it touches, and the pump is folded anew."""
     asker.require("engineer")
     with context.database.writing() as session:
@@ -115,7 +121,7 @@ def correct_maintenance(
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
-) -> dict[str, Any]:
+) -> answers.MaintenanceEvent:
     """Set what the body names and fold the pump anew."""
     asker.require("engineer")
     with context.database.writing() as session:
@@ -138,7 +144,7 @@ def withdraw_maintenance(
 
 
 @router.get("/findings", summary="What the workshop found")
-def findings(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def findings(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> Page[answers.Finding]:
     """Findings about a pump in event order."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
@@ -154,7 +160,7 @@ def find(
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
-) -> dict[str, Any]:
+) -> answers.Finding:
     """Say what was found at teardown or inspection; it counts in the fleet's rates."""
     asker.require("analyst")
     with context.database.writing() as session:
@@ -173,7 +179,7 @@ def correct_finding(
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
-) -> dict[str, Any]:
+) -> answers.Finding:
     """Set what the body names."""
     asker.require("analyst")
     with context.database.writing() as session:

@@ -1,12 +1,14 @@
 """Jobs: ask for one, watch it, read what became of each item, cancel it."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from fastapi import APIRouter, Query, Response
 from pydantic import ConfigDict, Field
 from sqlalchemy.orm import Session
 
 from service.access import audit
+from service.answers import jobs as answers
+from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Fault, Invalid
 from service.jobs import store
@@ -14,10 +16,11 @@ from service.jobs.kinds import kind_named
 from service.jobs.products import CONTENT_TYPES, digest_of
 from service.jobs.requests import ask_for
 from service.storage.tables import Job, JobItem
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/jobs", tags=["jobs"])
+router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=AnswerRoute)
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 _PAGE_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; frame-ancestors 'none'"
 """Documents carry their own style and nothing that runs."""
@@ -49,7 +52,7 @@ def listed(
     status: Status | None = None,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[answers.Job]:
     """Page through the jobs that this key may see."""
     query = {"list": "jobs", "kind": kind, "status": status}
     after = place_of(query, cursor)
@@ -59,7 +62,7 @@ def listed(
 
 
 @router.post("", status_code=202, summary="Ask for a job")
-def make(body: NewJob, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def make(body: NewJob, response: Response, context: ContextOf, asker: Asker) -> answers.Job:
     """Queue a job; asking again for one that has not ended gives the same."""
     kind = kind_named(body.kind)
     if not kind.over_api:
@@ -73,7 +76,7 @@ def make(body: NewJob, response: Response, context: ContextOf, asker: Asker) -> 
 
 
 @router.get("/{job_id}", summary="One job")
-def one(job_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def one(job_id: str, context: ContextOf, asker: Asker) -> answers.JobWithItems:
     """Status, progress and the first results; the rest is at ``/jobs/{id}/items``."""
     with context.database.reading() as session:
         return _with_items(session, store.job_of(session, asker, job_id))
@@ -86,7 +89,7 @@ def items(
     asker: Asker,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[answers.JobItem]:
     """Page through the items in their order."""
     query = {"list": "job items", "job": job_id}
     after = place_of(query, cursor)
@@ -118,7 +121,7 @@ def result(
 
 
 @router.post("/{job_id}/cancel", summary="Cancel a job")
-def cancel(job_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def cancel(job_id: str, context: ContextOf, asker: Asker) -> answers.Job:
     """Stop a job between two items; what it did so far stays."""
     with context.database.writing() as session:
         job = store.job_of(session, asker, job_id)
@@ -128,7 +131,7 @@ def cancel(job_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
     return shown(job)
 
 
-def shown(job: Job) -> dict[str, Any]:
+def shown(job: Job) -> answers.Job:
     """A job as the API shows it, without its items."""
     return {
         "id": job.id,
@@ -142,16 +145,17 @@ def shown(job: Job) -> dict[str, Any]:
         "problem": job.problem,
         "cancel_requested": job.cancel_requested,
         "author": job.author,
-        "created_at": job.created_at,
-        "started_at": job.started_at,
-        "finished_at": job.finished_at,
+        "created_at": instant(job.created_at),
+        "started_at": instant(job.started_at),
+        "finished_at": instant(job.finished_at),
     }
 
 
-def _with_items(session: Session, job: Job) -> dict[str, Any]:
+def _with_items(session: Session, job: Job) -> answers.JobWithItems:
     rows = list(session.scalars(store.items(job.id).limit(store.MOST_SHOWN)))
-    return shown(job) | {"items": [_item(row) for row in rows], "items_complete": len(rows) >= job.done}
+    return {**shown(job), "items": [_item(row) for row in rows], "items_complete": len(rows) >= job.done}
 
 
-def _item(row: JobItem) -> dict[str, Any]:
-    return {"position": row.position, "name": row.name, "status": row.status, **row.detail}
+def _item(row: JobItem) -> answers.JobItem:
+    item = {"position": row.position, "name": row.name, "status": row.status, **row.detail}
+    return cast("answers.JobItem", item)

@@ -1,21 +1,24 @@
 """API keys: made by an admin, shown once, revoked for good."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import ConfigDict, Field
 
 from service.access import audit
 from service.access.security import Principal, Role, new_key
+from service.answers.administration import Key, KeyMade
+from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.reading import queries
 from service.storage.tables import ApiKey
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/keys", tags=["administration"])
+router = APIRouter(prefix="/keys", tags=["administration"], route_class=AnswerRoute)
 
 
 class NewKey(Body):
@@ -36,7 +39,7 @@ def listed(
     asker: Asker,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[Key]:
     """All keys that this admin may manage."""
     asker.require("admin")
     query = {"list": "keys"}
@@ -48,7 +51,7 @@ def listed(
 
 
 @router.post("", status_code=201, summary="Make a key")
-def make(body: NewKey, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def make(body: NewKey, context: ContextOf, asker: Asker) -> KeyMade:
     """Make a key; it is in this answer and nowhere else."""
     asker.require("admin")
     _check(body, asker)
@@ -56,7 +59,7 @@ def make(body: NewKey, context: ContextOf, asker: Asker) -> dict[str, Any]:
         row, key = new_key(session, body.owner, body.role, body.operator or asker.operator, body.expires_at)
         details = {"owner": row.owner, "role": row.role, "expires_at": row.expires_at and row.expires_at.isoformat()}
         audit.note(session, asker, "key.make", f"key/{row.id}", row.operator, details)
-        return _shown(row) | {"key": key}
+        return {**_shown(row), "key": key}
 
 
 @router.delete("/{key_id}", status_code=204, summary="Revoke a key")
@@ -83,14 +86,14 @@ def _check(body: NewKey, asker: Principal) -> None:
         raise Invalid("the key would be dead on arrival", [Fault("expires_at", "lies in the past")])
 
 
-def _shown(row: ApiKey) -> dict[str, Any]:
+def _shown(row: ApiKey) -> Key:
     return {
         "id": row.id,
         "owner": row.owner,
         "role": row.role,
         "operator": row.operator,
-        "created_at": row.created_at,
-        "expires_at": row.expires_at,
-        "last_used_at": row.last_used_at,
-        "revoked_at": row.revoked_at,
+        "created_at": instant(row.created_at),
+        "expires_at": instant(row.expires_at),
+        "last_used_at": instant(row.last_used_at),
+        "revoked_at": instant(row.revoked_at),
     }

@@ -11,6 +11,8 @@ from starlette.datastructures import UploadFile
 
 from service.access import audit
 from service.access.security import Principal
+from service.answers.mappings import Mapping, MappingPreview
+from service.answers.words import Page, instant
 from service.context import Context
 from service.errors import Conflict, Fault, Invalid, NotFound, PreconditionRequired, StaleVersion, TooLarge
 from service.ingest.file_formats import ANY_TYPE
@@ -18,10 +20,11 @@ from service.ingest.mapping import ChannelMapping
 from service.ingest.mappings import append_version, latest_mapping, mapping_version, mappings
 from service.ingest.preview import preview
 from service.storage.tables import StoredMapping
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/mappings", tags=["mappings"])
+router = APIRouter(prefix="/mappings", tags=["mappings"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="Whose mapping; default: the key's operator")]
 _FORM_OVERHEAD = 2**20 + 2**16
 _EXAMPLE: dict[str, Any] = {
@@ -66,7 +69,7 @@ def listed(
     aircraft_type: str | None = None,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[Mapping]:
     """Page through the newest versions of the mappings that this key may see."""
     query = {"list": "mappings", "aircraft_type": aircraft_type}
     after = place_of(query, cursor)
@@ -76,9 +79,7 @@ def listed(
 
 
 @router.post("", status_code=201, summary="Store a channel mapping")
-def make(
-    body: NewMapping, response: Response, context: ContextOf, asker: Asker, operator: Operator = None
-) -> dict[str, Any]:
+def make(body: NewMapping, response: Response, context: ContextOf, asker: Asker, operator: Operator = None) -> Mapping:
     """Store a mapping under a new name."""
     asker.require("analyst")
     owner = asker.operator_of(operator)
@@ -95,7 +96,7 @@ def make(
 
 
 @router.get("/{name}", summary="One channel mapping")
-def one(name: str, response: Response, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def one(name: str, response: Response, context: ContextOf, asker: Asker, operator: Operator = None) -> Mapping:
     """The newest version; its number is the ETag."""
     with context.database.reading() as session:
         row = latest_mapping(session, asker.operator_of(operator), name)
@@ -112,7 +113,7 @@ def change(
     asker: Asker,
     operator: Operator = None,
     if_match: Annotated[str | None, Header()] = None,
-) -> dict[str, Any]:
+) -> Mapping:
     """Append a version; records that were uploaded through an earlier one stay what they are."""
     asker.require("analyst")
     owner = asker.operator_of(operator)
@@ -156,7 +157,7 @@ async def previewed(
     mapping: Annotated[str | None, Query(description="Name of a stored mapping")] = None,
     operator: Operator = None,
     rows: Annotated[int, Query(ge=0, le=100)] = 10,
-) -> dict[str, Any]:
+) -> MappingPreview:
     """Recognised and unrecognised channels, metadata, first rows and every fault; nothing is stored.
 
     The file is the body with ``?mapping=name``, or a form's part ``file`` beside a part ``mapping``.
@@ -211,7 +212,7 @@ def _chosen(context: Context, operator: str, words: str | None) -> ChannelMappin
 
 def _preview(
     context: Context, path: Path, kind: str, encoding: str, mapping: ChannelMapping | None, n_rows: int
-) -> dict[str, Any]:
+) -> MappingPreview:
     dialect = mapping.dialect if mapping else None
     raw = context.parser.parsed(path, kind, encoding, context.limits, dialect)
     return preview(raw, mapping, n_rows)
@@ -238,14 +239,18 @@ def _etag(row: StoredMapping) -> str:
     return f'"{row.version}"'
 
 
-def _shown(row: StoredMapping) -> dict[str, Any]:
+def _shown(row: StoredMapping) -> Mapping:
+    mapping = ChannelMapping.model_validate(row.document).model_dump(mode="json")
     return {
         "name": row.name,
         "operator": row.operator,
         "version": row.version,
         "aircraft_type": row.aircraft_type,
         "description": row.description,
-        **ChannelMapping.model_validate(row.document).model_dump(mode="json"),
+        "channels": mapping["channels"],
+        "metadata": mapping["metadata"],
+        "defaults": mapping["defaults"],
+        "csv": mapping["csv"],
         "author": row.author,
-        "created_at": row.created_at,
+        "created_at": instant(row.created_at),
     }

@@ -2,29 +2,30 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures import TimeoutError as TookTooLong
-from typing import Any
 
 from fastapi import APIRouter, Response
 from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
+from service.answers.operations import Alive, Readiness
 from service.context import Context
 from service.identity import software
 from service.storage.database import pending_migration
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import ContextOf
 
-router = APIRouter(tags=["operations"])
+router = APIRouter(tags=["operations"], route_class=AnswerRoute)
 READY_TIMEOUT_S = 5.0
 _probes = ThreadPoolExecutor(max_workers=4, thread_name_prefix="readyz")
 
 
 @router.get("/healthz", summary="Is the process alive")
-def alive() -> dict[str, str]:
+def alive() -> Alive:
     """Answers as long as the process serves."""
     return {"status": "alive"}
 
 
-@router.get("/readyz", summary="Can it do its work")
+@router.get("/readyz", summary="Can it do its work", response_model=Readiness)
 def ready(context: ContextOf) -> JSONResponse:
     """Asks database, schema and raw store, each within a few seconds; says which software answers."""
     waiting = {name: _probes.submit(check, context) for name, check in _CHECKS.items()}
@@ -37,7 +38,7 @@ def ready(context: ContextOf) -> JSONResponse:
         except Exception as error:
             checks[name] = type(error).__name__
     good = all(answer == "ok" for answer in checks.values())
-    body: dict[str, Any] = {
+    body: Readiness = {
         "status": "ready" if good else "not ready",
         "checks": checks,
         "software": software().to_json(),

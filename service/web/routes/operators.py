@@ -1,6 +1,6 @@
 """Operators: list, retention, export as a whole, deletion as a whole with proof."""
 
-from typing import Annotated, Any
+from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import APIRouter, Query
@@ -8,19 +8,23 @@ from fastapi.responses import StreamingResponse
 from sqlalchemy import select
 
 from service.access import audit
+from service.answers.administration import Deletion as Receipted
+from service.answers.administration import Operator
+from service.answers.words import Page
 from service.errors import Fault, Invalid
 from service.registry import operators as registry
 from service.registry.deletion import delete_operator, document
 from service.registry.export import export_stream
 from service.registry.fields import Reason
 from service.storage.tables import Deletion
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 
-router = APIRouter(prefix="/operators", tags=["administration"])
+router = APIRouter(prefix="/operators", tags=["administration"], route_class=AnswerRoute)
 
 
 @router.get("", summary="List operators")
-def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
+def listed(context: ContextOf, asker: Asker) -> Page[Operator]:
     """Operators that this admin may manage, with what they have here."""
     asker.require("admin")
     with context.database.reading() as session:
@@ -28,7 +32,7 @@ def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
 
 
 @router.get("/deletions", summary="Receipts of deletions")
-def deletions(context: ContextOf, asker: Asker) -> dict[str, Any]:
+def deletions(context: ContextOf, asker: Asker) -> Page[Receipted]:
     """Deletions of operators with their receipts, the newest first."""
     asker.require("admin")
     query = select(Deletion).order_by(Deletion.started_at.desc(), Deletion.id)
@@ -39,7 +43,7 @@ def deletions(context: ContextOf, asker: Asker) -> dict[str, Any]:
 
 
 @router.patch("/{operator}", summary="Set how long raw bytes are kept")
-def change(operator: str, body: registry.OperatorChange, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def change(operator: str, body: registry.OperatorChange, context: ContextOf, asker: Asker) -> Operator:
     """Set the retention of raw bytes; verdicts and what they rest on stay."""
     with context.database.writing() as session:
         registry.check_visible(session, asker, operator)
@@ -66,7 +70,7 @@ def remove(
     asker: Asker,
     confirm: Annotated[str, Query(description="The operator's name once more")],
     reason: Annotated[Reason, Query(description="Why; it stands in the receipt")],
-) -> dict[str, Any]:
+) -> Receipted:
     """Delete rows and raw bytes for good; the answer is the receipt, with counts and a hash."""
     with context.database.reading() as session:
         registry.check_visible(session, asker, operator)

@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 from urllib.parse import quote
 
 from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
@@ -12,6 +12,9 @@ from starlette.concurrency import run_in_threadpool
 from detectors.judgement.version import twin_version
 from service.access import audit
 from service.access.security import Principal
+from service.answers import registry as answers
+from service.answers.registry import PumpTypeSummary, ReferenceCurve
+from service.answers.words import Page
 from service.context import Context
 from service.errors import Fault, Forbidden, Invalid, NotFound, TooLarge, Undecodable, UnknownType
 from service.history.healthy_curves import reference_curve
@@ -19,11 +22,12 @@ from service.jobs.refolding import refold_after
 from service.pump_types.parameter_sets import find_type, store, types
 from service.registry import reference_curves
 from service.thresholds.layers import Scope
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType
 from twin.pumps.written import document_of
 
-router = APIRouter(prefix="/pump-types", tags=["registry"])
+router = APIRouter(prefix="/pump-types", tags=["registry"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="For whom; a key of one operator always means its own")]
 
 
@@ -66,7 +70,7 @@ _MOST_BYTES = 2**20
 
 
 @router.get("", summary="List pump types")
-def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
+def listed(context: ContextOf, asker: Asker) -> Page[PumpTypeSummary]:
     """The parameter sets that the twin brings, and those that were added for all or for this operator."""
     with context.database.reading() as session:
         return {"items": [_summary(kind) for kind in types(session, asker.operator)], "next": None}
@@ -88,7 +92,7 @@ def listed(context: ContextOf, asker: Asker) -> dict[str, Any]:
 )
 async def create(
     request: Request, response: Response, context: ContextOf, asker: Asker, operator: Operator = None
-) -> dict[str, Any]:
+) -> PumpTypeSummary:
     """Store a whole parameter set, or a base with changes, as JSON or TOML; it is never changed afterwards.
 
     A key of one operator adds it for that operator; a key of none for everybody unless it names an operator.
@@ -107,15 +111,15 @@ async def create(
 
 
 @router.get("/{name}", summary="One pump type")
-def one(name: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def one(name: str, context: ContextOf, asker: Asker) -> answers.PumpType:
     """A parameter set, every number with unit, source and uncertainty: in the shape that POST takes."""
     with context.database.reading() as session:
         kind = _known(session, asker, name)
-    return document_of(kind) | {"twin_version": twin_version(kind)}
+    return cast("answers.PumpType", {**document_of(kind), "twin_version": twin_version(kind)})
 
 
 @router.get("/{name}/reference-curve", summary="Healthy curve of a pump type")
-def curve(name: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def curve(name: str, context: ContextOf, asker: Asker, operator: Operator = None) -> ReferenceCurve:
     """Measured healthy points that hold for this operator; none where the twin's own curve does."""
     with context.database.reading() as session:
         _known(session, asker, name)
@@ -131,7 +135,7 @@ def put_curve(
     context: ContextOf,
     asker: Asker,
     operator: Operator = None,
-) -> dict[str, Any]:
+) -> ReferenceCurve:
     """Replace the measured points of one operator; a key of no operator sets them for all unless it names one.
 
     The pumps of the type are judged against them from then on, their whole history included.
@@ -184,7 +188,8 @@ def _whose(own: str | None, named: str | None) -> str | None:
     return own or named
 
 
-def _summary(kind: PumpType) -> dict[str, Any]:
+def _summary(kind: PumpType) -> PumpTypeSummary:
     names = ("id", "title", "nominal_speed_rpm", "nominal_reservoir_pressure_bar", "sensors")
     document = document_of(kind)
-    return {name: document[name] for name in names} | {"twin_version": twin_version(kind)}
+    values = {name: document[name] for name in names} | {"twin_version": twin_version(kind)}
+    return cast("PumpTypeSummary", values)

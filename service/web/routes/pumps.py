@@ -1,7 +1,7 @@
 """Pumps: list, one, verdicts, trends, damage identification curve."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
@@ -9,6 +9,10 @@ from sqlalchemy.exc import IntegrityError
 from detectors.curve.picture import curve_svg
 from detectors.words.verdict import TREND_METRICS
 from service.access import audit
+from service.answers import pumps as answers
+from service.answers import verdicts as answered
+from service.answers.verdicts import Verdict, VerdictChange
+from service.answers.words import Page, instant
 from service.errors import Conflict
 from service.monitoring.refold import verdict_known_at
 from service.reading import queries
@@ -22,10 +26,11 @@ from service.registry.fields import Instant
 from service.registry.installations import current_installation
 from service.registry.locks import locked_pump
 from service.storage.tables import VerdictRevision
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/pumps", tags=["pumps"])
+router = APIRouter(prefix="/pumps", tags=["pumps"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]
 
 
@@ -35,7 +40,7 @@ def listed(
     asker: Asker,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[answers.Pump]:
     """Page through the pumps that this key may see, by operator and serial number."""
     query = {"list": "pumps"}
     after = place_of(query, cursor)
@@ -46,7 +51,7 @@ def listed(
 
 
 @router.post("", status_code=201, summary="Register a pump")
-def create(body: registry.NewPump, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def create(body: registry.NewPump, response: Response, context: ContextOf, asker: Asker) -> answers.Pump:
     """Register a pump before its first record."""
     asker.require("engineer")
     operator = asker.operator_of(body.operator)
@@ -62,19 +67,20 @@ def create(body: registry.NewPump, response: Response, context: ContextOf, asker
 
 
 @router.get("/{serial}", summary="One pump")
-def one(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def one(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> answers.PumpWithPlace:
     """A pump, where it sits, whether it has gone silent, how it is."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
-        return pump_documents(session, [row])[0] | {
-            "installation": current_installation(session, row, datetime.now(UTC))
+        return {
+            **pump_documents(session, [row])[0],
+            "installation": current_installation(session, row, datetime.now(UTC)),
         }
 
 
 @router.patch("/{serial}", summary="Confirm or change a pump")
 def change(
     serial: str, body: registry.PumpChange, context: ContextOf, asker: Asker, operator: Operator = None
-) -> dict[str, Any]:
+) -> answers.Pump:
     """Confirm a pump that a record brought along, or give it another type, which folds it anew."""
     asker.require("engineer")
     with context.database.writing() as session:
@@ -93,7 +99,7 @@ def verdict(
     operator: Operator = None,
     at: Annotated[Instant | None, Query(description="Event time; default: the latest record")] = None,
     known_at: Annotated[Instant | None, Query(description="Only what was known then; default: now")] = None,
-) -> dict[str, Any]:
+) -> Verdict:
     """The verdict now, as of an event time, or as it stood with what was known at an instant."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
@@ -103,11 +109,13 @@ def verdict(
 
 
 @router.get("/{serial}/verdicts", summary="Every change of verdict")
-def verdicts(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def verdicts(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> Page[VerdictChange]:
     """The verdicts at which the state changed, oldest first."""
     with context.database.reading() as session:
         changes = queries.verdict_changes(session, queries.pump(session, asker, serial, operator))
-        items = [{"at": c.at, "record_id": c.record_id, "verdict": c.verdict} for c in changes]
+        items: list[VerdictChange] = [
+            {"at": instant(c.at), "record_id": c.record_id, "verdict": c.verdict} for c in changes
+        ]
     return {"items": items, "next": None}
 
 
@@ -119,7 +127,7 @@ def revisions(
     operator: Operator = None,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[answered.VerdictRevision]:
     """Verdicts that a late, corrected or withdrawn record, an entry or a threshold changed; the newest first."""
     query = {"list": "revisions", "pump": serial, "operator": operator}
     after = place_of(query, cursor)
@@ -139,7 +147,7 @@ def trend(
     since: Annotated[Instant | None, Query(alias="from")] = None,
     until: Annotated[Instant | None, Query(alias="to")] = None,
     points: Annotated[int, Query(ge=4, le=10_000)] = 1000,
-) -> dict[str, Any]:
+) -> answers.Trend:
     """Points of a metric in event order, thinned to about ``points`` without losing extremes."""
     check_metric(metric)
     with context.database.reading() as session:
@@ -149,13 +157,17 @@ def trend(
 
 
 @router.get("/{serial}/forecast", summary="Flight hours to the limit")
-def remaining(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> dict[str, Any]:
+def remaining(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> answers.Forecast:
     """Flight hours until the limit of case flow at the reference condition, or why no forecast is honest."""
     with context.database.reading() as session:
         return forecast_of(session, queries.pump(session, asker, serial, operator))
 
 
-@router.get("/{serial}/damage-identification-curve", summary="Damage identification curve", response_model=None)
+@router.get(
+    "/{serial}/damage-identification-curve",
+    summary="Damage identification curve",
+    response_model=answers.DamageIdentificationCurve,
+)
 def curve(
     serial: str,
     context: ContextOf,
@@ -165,7 +177,7 @@ def curve(
     speed_rpm: Annotated[float | None, Query(ge=200, le=8000)] = None,
     fluid_temperature_degc: Annotated[float | None, Query(ge=-20, le=140)] = None,
     form: Annotated[Literal["json", "svg", "png"], Query(alias="format")] = "json",
-) -> dict[str, Any] | Response:
+) -> answers.DamageIdentificationCurve | Response:
     """Reference curve, this pump's points brought to the chosen conditions, and the direction of each fault."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
@@ -177,13 +189,13 @@ def curve(
     return found.document
 
 
-def _revision(row: VerdictRevision) -> dict[str, Any]:
+def _revision(row: VerdictRevision) -> answered.VerdictRevision:
     return {
-        "at": row.at,
+        "at": instant(row.at),
         "record_id": row.record_id,
         "old_state": row.old_state,
         "new_state": row.new_state,
         "cause": row.cause,
         "cause_id": row.cause_id,
-        "changed_at": row.changed_at,
+        "changed_at": instant(row.changed_at),
     }

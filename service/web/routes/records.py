@@ -1,12 +1,14 @@
 """Records: upload, list, look up, fetch back."""
 
-from collections.abc import Collection, Mapping
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.access.security import Principal
+from service.answers import records as answers
+from service.answers.words import Page, instant
 from service.context import Context
 from service.errors import Fault, Invalid
 from service.identity import release_of
@@ -19,10 +21,21 @@ from service.monitoring.withdrawal import withdraw_record
 from service.reading import queries
 from service.registry.fields import Instant, Reason
 from service.storage.tables import ANALYSED, Record
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/records", tags=["records"])
+router = APIRouter(prefix="/records", tags=["records"], route_class=AnswerRoute)
+METADATA_PARAMETERS = [
+    {
+        "name": name,
+        "in": "query",
+        "required": False,
+        "schema": {"type": "string"},
+        "description": f"Metadata `{name}`: wins over what the file says",
+    }
+    for name in KNOWN
+]
 Status = Literal["stored", "analysed", "refused", "superseded", "withdrawn"]
 
 
@@ -32,10 +45,11 @@ Status = Literal["stored", "analysed", "refused", "superseded", "withdrawn"]
     summary="Upload one flight record",
     responses={200: {"description": "Known already"}, 202: {"description": "Stored, not analysed yet"}},
     openapi_extra={
+        "parameters": METADATA_PARAMETERS,
         "requestBody": {
             "required": True,
             "content": {kind: {} for kind in CONTENT_TYPES},
-        }
+        },
     },
 )
 async def upload(
@@ -47,10 +61,10 @@ async def upload(
     wait: Annotated[bool, Query(description="Answer after the analysis")] = True,
     supersedes: Annotated[str | None, Query(description="Id of the record that this one replaces")] = None,
     mapping: Annotated[str | None, Query(description="Name of the channel mapping that the file needs")] = None,
-) -> dict[str, Any]:
+) -> answers.Record:
     """Take the body as one record; metadata may come as query parameters and win over those of the file."""
     asker.require("analyst")
-    overrides = overrides_of(request, ("wait", "supersedes", "mapping"))
+    overrides = overrides_of(request)
     named = await run_in_threadpool(mapping_of, context, asker, overrides, mapping)
     declared = request.headers.get("content-length", "")
     async with context.spool.received(request.stream(), declared, context.settings.max_upload_bytes) as file:
@@ -82,7 +96,7 @@ def listed(
     status: Status | None = None,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[answers.RecordSummary]:
     """Page through the records that this key may see."""
     query = {"pump": pump, "from": since, "to": until, "status": status, "list": "records"}
     after = place_of(query, cursor)
@@ -99,7 +113,7 @@ def listed(
 
 
 @router.get("/{record_id}", summary="Status of one record")
-def one(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def one(record_id: str, context: ContextOf, asker: Asker) -> answers.Record:
     """Where a record stands, what its windows say, and the verdict as it was right after it."""
     return _answer(context, asker, record_id)
 
@@ -110,7 +124,7 @@ def withdraw(
     context: ContextOf,
     asker: Asker,
     reason: Annotated[Reason, Query(description="Why it shall no longer count")],
-) -> dict[str, Any]:
+) -> answers.Record:
     """Take a record out of its pump's history, which is folded anew; its bytes are kept."""
     asker.require("analyst")
     with context.database.writing() as session:
@@ -119,7 +133,7 @@ def withdraw(
 
 
 @router.get("/{record_id}/windows", summary="Windows of one record")
-def windows(record_id: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def windows(record_id: str, context: ContextOf, asker: Asker) -> Page[answers.Window]:
     """All windows in time order, the rejected ones with their reason."""
     with context.database.reading() as session:
         return {"items": _windows(queries.record(session, asker, record_id)), "next": None}
@@ -138,19 +152,14 @@ def raw(record_id: str, context: ContextOf, asker: Asker) -> Response:
     return Response(content, media_type=kind, headers=headers)
 
 
-def overrides_of(request: Request, controls: Collection[str]) -> dict[str, str]:
-    """Metadata among the query parameters; every other name but those of ``controls`` is a fault."""
-    faults, overrides = [], {}
-    for name, value in request.query_params.multi_items():
-        if name in overrides:
-            faults.append(Fault(f"query.{name}", "is given twice"))
-        elif name in KNOWN:
-            overrides[name] = value
-        elif name not in controls:
-            faults.append(Fault(f"query.{name}", f"is not metadata of a record; known: {', '.join(KNOWN)}"))
-    if faults:
-        raise Invalid("the query is wrong; nothing was stored", faults)
-    return overrides
+def overrides_of(request: Request) -> dict[str, str]:
+    """Metadata among the query parameters."""
+    given = [(name, value) for name, value in request.query_params.multi_items() if name in KNOWN]
+    names = [name for name, _ in given]
+    twice = [Fault(f"query.{name}", "is given twice") for name in dict.fromkeys(names) if names.count(name) > 1]
+    if twice:
+        raise Invalid("the query is wrong; nothing was stored", twice)
+    return dict(given)
 
 
 def mapping_of(
@@ -163,10 +172,10 @@ def mapping_of(
         return mapping_version(session, asker.operator_of(overrides.get("operator")), name)
 
 
-def _answer(context: Context, asker: Principal, record_id: str) -> dict[str, Any]:
+def _answer(context: Context, asker: Principal, record_id: str) -> answers.Record:
     with context.database.reading() as session:
         row = queries.record(session, asker, record_id)
-        document: dict[str, Any] = {
+        document: answers.Record = {
             "record_id": row.id,
             "status": row.status,
             "operator": row.operator,
@@ -174,12 +183,12 @@ def _answer(context: Context, asker: Principal, record_id: str) -> dict[str, Any
             "position": row.position,
             "flight_id": row.flight_id,
             "segment": row.segment or None,
-            "started_at": row.started_at,
-            "received_at": row.received_at,
+            "started_at": instant(row.started_at),
+            "received_at": instant(row.received_at),
             "supersedes": row.supersedes,
         }
         if row.ended_at is not None:
-            document |= {"ended_at": row.ended_at, "withdrawal": row.withdrawal}
+            document |= {"ended_at": instant(row.ended_at), "withdrawal": row.withdrawal}
         if row.problem is not None:
             document["problem"] = row.problem
         if row.waits_for is not None:
@@ -187,25 +196,26 @@ def _answer(context: Context, asker: Principal, record_id: str) -> dict[str, Any
         if row.status != ANALYSED:
             return document
         assessment = queries.assessment_of(session, row.id)
-        found = _windows(row)
+        found, reduction = _windows(row), row.reduction or {}
         usable = [w["residuals"] for w in found if w["kind"] == "zero_flow" and w["accepted"]]
-        return document | {
+        return {
+            **document,
             "pump_serial": assessment.serial,
             "windows": found,
-            "explanation": (row.reduction or {}).get("explanation"),
-            "flags": (row.reduction or {}).get("flags", []),
+            "explanation": reduction.get("explanation"),
+            "flags": reduction.get("flags", []),
             "residuals": usable[-1] if usable else None,
             "verdict": assessment.verdict,
         }
 
 
-def _windows(row: Record) -> list[dict[str, Any]]:
+def _windows(row: Record) -> list[answers.Window]:
     residuals = row.residuals or {}
     found = (row.reduction or {}).get("windows", [])
     return [{**window, "residuals": residuals.get(str(i), {})} for i, window in enumerate(found)]
 
 
-def _summary(row: Record, serial: str | None) -> dict[str, Any]:
+def _summary(row: Record, serial: str | None) -> answers.RecordSummary:
     return {
         "record_id": row.id,
         "status": row.status,
@@ -215,6 +225,6 @@ def _summary(row: Record, serial: str | None) -> dict[str, Any]:
         "position": row.position,
         "flight_id": row.flight_id,
         "segment": row.segment or None,
-        "started_at": row.started_at,
-        "received_at": row.received_at,
+        "started_at": instant(row.started_at),
+        "received_at": instant(row.received_at),
     }

@@ -1,18 +1,19 @@
 """The registry as CSV files."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
+from service.answers.registry import RegistryFileTaken
 from service.errors import TooLarge
 from service.registry.csv_files import Kind, exported, imported
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 
-router = APIRouter(prefix="/registry", tags=["registry"])
+router = APIRouter(prefix="/registry", tags=["registry"], route_class=AnswerRoute)
 
 
 async def _content(request: Request, context: ContextOf) -> bytes:
@@ -45,12 +46,13 @@ def export(kind: Kind, context: ContextOf, asker: Asker) -> StreamingResponse:
 )
 async def take(
     kind: Kind, content: Annotated[bytes, Depends(_content)], context: ContextOf, asker: Asker
-) -> dict[str, Any]:
+) -> RegistryFileTaken:
     """Register and change what the lines say: all of them or, with every fault by line, none."""
     asker.require("engineer")
 
-    def done() -> dict[str, Any]:
+    def done() -> RegistryFileTaken:
         with context.database.writing() as session:
-            return asdict(imported(session, asker, kind, content, context.archive))
+            taken = imported(session, asker, kind, content, context.archive)
+        return {"created": taken.created, "changed": taken.changed, "unchanged": taken.unchanged}
 
     return await run_in_threadpool(done)

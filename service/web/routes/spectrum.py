@@ -1,18 +1,20 @@
 """Spectrum of one channel of one record."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 
+from service.answers.records import Spectrum
 from service.errors import Conflict, Fault, Invalid
 from service.pump_types.parameter_sets import held_type
 from service.reading import queries
 from service.reading.channel_spectrum import channel_spectrum
 from service.storage.tables import Pump, Record
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 
-router = APIRouter(prefix="/records", tags=["records"])
+router = APIRouter(prefix="/records", tags=["records"], route_class=AnswerRoute)
 
 
 @router.get("/{record_id}/spectrum", summary="Spectrum of one channel of one record")
@@ -23,7 +25,7 @@ def spectrum(
     channel: str,
     start_s: Annotated[float | None, Query(description="Start of the stretch [s]")] = None,
     end_s: Annotated[float | None, Query(description="End of the stretch [s]")] = None,
-) -> dict[str, Any]:
+) -> Spectrum:
     """Power spectral density and orders of the shaft; by default in the last accepted zero-flow window."""
     with context.database.reading() as session:
         row = queries.record(session, asker, record_id)
@@ -33,7 +35,7 @@ def spectrum(
         kind = held_type(session, pump.operator, pump.pump_type)
     first, last = _stretch(row, start_s, end_s)
     recording = context.archive.recording(row, kind)
-    return {"record_id": record_id} | channel_spectrum(recording, channel, kind, first, last)
+    return {"record_id": record_id, **channel_spectrum(recording, channel, kind, first, last)}
 
 
 def _stretch(row: Record, start_s: float | None, end_s: float | None) -> tuple[float, float]:

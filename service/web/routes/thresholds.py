@@ -1,7 +1,7 @@
 """Thresholds: what holds, from which layer, and how to change it."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, BackgroundTasks, Header, Response
 from pydantic import ConfigDict, Field, FiniteFloat
@@ -9,6 +9,10 @@ from sqlalchemy.orm import Session
 
 from detectors.words.thresholds import KEYS
 from service.access.security import Principal
+from service.answers import thresholds as answers
+from service.answers.jobs import Job
+from service.answers.thresholds import Preview, ThresholdKey, Thresholds
+from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Forbidden, NotFound, TooLarge
 from service.jobs.refolding import refold_after
@@ -29,10 +33,11 @@ from service.thresholds.layers import (
     restore,
     versions,
 )
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes.jobs import shown
 
-router = APIRouter(prefix="/thresholds", tags=["thresholds"])
+router = APIRouter(prefix="/thresholds", tags=["thresholds"], route_class=AnswerRoute)
 _UNITS = {key.name: key.unit for key in KEYS}
 
 
@@ -70,9 +75,9 @@ class Candidate(Body):
 
 
 @router.get("/keys", summary="All thresholds with unit, range and meaning")
-def keys(_asker: Asker) -> dict[str, Any]:
+def keys(_asker: Asker) -> Page[ThresholdKey]:
     """What can be set at all."""
-    items = [
+    items: list[ThresholdKey] = [
         {"key": k.name, "unit": k.unit, "default": k.default, "low": k.low, "high": k.high, "meaning": k.meaning}
         for k in KEYS
     ]
@@ -84,7 +89,7 @@ def keys(_asker: Asker) -> dict[str, Any]:
     summary="What other thresholds would have done",
     responses={202: {"description": "More history than one answer may take: a job compares it"}},
 )
-def previewed(body: Candidate, response: Response, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def previewed(body: Candidate, response: Response, context: ContextOf, asker: Asker) -> Preview | Job:
     """Fold the stored history with a candidate for one layer, without writing, and compare the alarms."""
     asker.require("analyst")
     with context.database.reading() as session:
@@ -101,7 +106,9 @@ def previewed(body: Candidate, response: Response, context: ContextOf, asker: As
 
 
 @router.get("/{scope}/{scope_id}/versions", summary="History of one layer")
-def history(scope: str, scope_id: str, context: ContextOf, asker: Asker, operator: str | None = None) -> dict[str, Any]:
+def history(
+    scope: str, scope_id: str, context: ContextOf, asker: Asker, operator: str | None = None
+) -> Page[answers.ThresholdVersion]:
     """Every version of a layer with author and reason, the newest first."""
     with context.database.reading() as session:
         layers = _layers(session, asker, scope, scope_id, operator)
@@ -120,7 +127,7 @@ def restored(
     body: Restoration | None = None,
     operator: str | None = None,
     if_match: Annotated[str | None, Header()] = None,
-) -> dict[str, Any]:
+) -> Thresholds:
     """Append an earlier version once more as the newest; ``If-Match`` is checked where it is sent."""
     _require_setter(asker, scope)
     with context.database.writing() as session:
@@ -134,7 +141,7 @@ def restored(
 @router.get("/{scope}/{scope_id}", summary="Effective thresholds of one layer")
 def effective(
     scope: str, scope_id: str, response: Response, context: ContextOf, asker: Asker, operator: str | None = None
-) -> dict[str, Any]:
+) -> Thresholds:
     """Effective values with the layer each comes from; the ETag is this layer's own version."""
     with context.database.reading() as session:
         layers = _layers(session, asker, scope, scope_id, operator)
@@ -154,7 +161,7 @@ def change(
     asker: Asker,
     operator: str | None = None,
     if_match: Annotated[str | None, Header()] = None,
-) -> dict[str, Any]:
+) -> Thresholds:
     """Append a version; the verdicts of the pumps it holds for are folded anew."""
     _require_setter(asker, scope)
     with context.database.writing() as session:
@@ -178,7 +185,7 @@ def _answered(
     scope_id: str,
     layers: tuple[Scope, ...],
     own: ThresholdVersion,
-) -> dict[str, Any]:
+) -> Thresholds:
     response.headers["ETag"] = etag(own)
     return _document(scope, scope_id, effective_thresholds(session, layers), own.number, own.values)
 
@@ -198,17 +205,17 @@ def _layers(session: Session, asker: Principal, scope: str, scope_id: str, opera
     raise NotFound(f"there are no thresholds {scope}/{scope_id}; scopes: {known}")
 
 
-def _version(row: ThresholdVersion) -> dict[str, Any]:
+def _version(row: ThresholdVersion) -> answers.ThresholdVersion:
     return {
         "version": row.number,
         "values": row.values,
         "author": row.author,
         "reason": row.reason,
-        "created_at": row.created_at,
+        "created_at": instant(row.created_at),
     }
 
 
-def _document(scope: str, scope_id: str, found: Effective, version: int, own: Mapping[str, float]) -> dict[str, Any]:
+def _document(scope: str, scope_id: str, found: Effective, version: int, own: Mapping[str, float]) -> Thresholds:
     return {
         "scope": scope,
         "id": scope_id,

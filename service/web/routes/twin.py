@@ -1,18 +1,20 @@
 """The twin itself: operating points for any condition and health."""
 
-from typing import Any, Literal
+from typing import Literal, cast
 
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
+from service.answers import twin as answers
 from service.errors import Invalid
 from service.pump_types.parameter_sets import asked_type
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
 from twin.operating_point import operating_points, problem
 from twin.pumps import circuit_parameters
 
-router = APIRouter(prefix="/twin", tags=["twin"])
+router = APIRouter(prefix="/twin", tags=["twin"], route_class=AnswerRoute)
 MOST_CONDITIONS = 10_000
 _LEAKAGES = ("piston", "slipper", "port_plate", "compensator")
 _PLURALS = {"piston": "pistons", "slipper": "slippers", "port_plate": "port_plate", "compensator": "compensator"}
@@ -60,11 +62,11 @@ class OperatingPointRequest(BaseModel):
 
 
 @router.post("/operating-point", summary="Steady states of the twin")
-def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> answers.OperatingPoints:
     """Solve every condition; one without a solution gets a problem in its place."""
     with context.database.reading() as session:
         pump = asked_type(session, asker.operator, body.pump_type, "pump_type").pump
-    items: list[dict[str, Any]] = [{} for _ in body.conditions]
+    items: list[answers.OperatingPoint] = [{} for _ in body.conditions]
     for circuit in sorted({c.circuit for c in body.conditions}):
         places = [i for i, c in enumerate(body.conditions) if c.circuit == circuit]
         asked = [body.conditions[i] for i in places]
@@ -79,15 +81,14 @@ def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> dict
     return {"items": items}
 
 
-def _item(points: OperatingPoints, k: int) -> dict[str, Any]:
+def _item(points: OperatingPoints, k: int) -> answers.OperatingPoint:
     fault = problem(points, k)
     if fault is not None or points.derivatives is None:
-        body = Invalid(fault or "no derivatives").body()
-        return {"error": body}
+        return {"error": Invalid(fault or "no derivatives").body()}
     values = dict(zip(OUTPUTS, points.values[k].tolist(), strict=True))
     leakage = {_PLURALS[part]: values.pop(f"{part}_leakage_lpm") for part in _LEAKAGES}
     inputs = (*CONDITION_INPUTS, *HEALTH_INPUTS)
     derivatives = {
         output: dict(zip(inputs, points.derivatives[k, i].tolist(), strict=True)) for i, output in enumerate(OUTPUTS)
     }
-    return values | {"leakage_lpm": leakage, "derivatives": derivatives}
+    return cast("answers.OperatingPoint", values | {"leakage_lpm": leakage, "derivatives": derivatives})

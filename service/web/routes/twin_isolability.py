@@ -8,15 +8,17 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 from detectors.isolability.bounds import isolability
 from detectors.isolability.plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
 from detectors.isolability.table import REPEATABILITY_SHARE
+from service.answers import twin as answers
 from service.errors import Fault, Invalid
 from service.pump_types.parameter_sets import find_type, types
 from service.studies.isolability_document import isolability_document
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType, Sensor
 from twin.pumps import PUMP_TYPES, circuit_parameters
 from twin.pumps.circuits import CIRCUITS
 
-router = APIRouter(prefix="/twin", tags=["twin"])
+router = APIRouter(prefix="/twin", tags=["twin"], route_class=AnswerRoute)
 _CHANNELS = {
     "case": "case_pressure_bar",
     "discharge": "discharge_pressure_bar",
@@ -90,7 +92,7 @@ class IsolabilityRequest(BaseModel):
 
 
 @router.post("/isolability", summary="Smallest detectable and isolable faults")
-def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> answers.Isolability:
     """Bounds of every kind of fault for the given sensors, temperatures and flights."""
     with context.database.reading() as session:
         asked = find_type(session, asker.operator, body.pump_type)
@@ -105,7 +107,7 @@ def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> dict[st
         raise Invalid(f"the study has {len(faults)} fault(s)", faults) from None
     if wrong:
         raise Invalid("the study has 1 fault(s)", wrong)
-    return isolability_document(found) | {"pump_type": body.pump_type, "circuit": body.circuit}
+    return {**isolability_document(found), "pump_type": body.pump_type, "circuit": body.circuit}
 
 
 def _plan(body: IsolabilityRequest, kind: PumpType) -> Plan:

@@ -9,13 +9,15 @@ from pydantic import BaseModel, ConfigDict, FiniteFloat
 from starlette.concurrency import run_in_threadpool
 
 from service.access.security import Principal
+from service.answers.twin import Simulation
 from service.context import Context
 from service.pump_types.parameter_sets import types
 from service.studies.simulation.requested import Asked, Checked, checked, simulated_json
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.recording import TIME
 
-router = APIRouter(prefix="/twin", tags=["twin"])
+router = APIRouter(prefix="/twin", tags=["twin"], route_class=AnswerRoute)
 AT_ONCE = 2
 """Simulations that run beside each other; further ones wait, and take no thread from other requests meanwhile."""
 
@@ -53,18 +55,7 @@ class SimulationRequest(BaseModel):
     health: dict[str, FiniteFloat | HealthSchedule] = {}
 
 
-class SimulationAnswer(BaseModel):
-    """Channels of the run, all equally long; pressures are gauge."""
-
-    pump_type: str
-    circuit: str
-    duration_s: float
-    sample_rate_hz: float
-    pressure_reference: str
-    channels: dict[str, list[float | None]]
-
-
-@router.post("/simulation", summary="Short run of the transient twin", response_model=SimulationAnswer)
+@router.post("/simulation", summary="Short run of the transient twin", response_model=Simulation)
 async def simulation(body: SimulationRequest, context: ContextOf, asker: Asker) -> Response:
     """Simulate at most ten seconds and 30 000 samples; too long a run is refused with the limit."""
     asked = await run_in_threadpool(_checked, body, context, asker)

@@ -1,7 +1,7 @@
 """Users of the pages: made and managed by an admin."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import ConfigDict, Field, SecretStr
@@ -11,13 +11,17 @@ from service.access import audit
 from service.access.security import Role
 from service.access.sessions import end_sessions_of
 from service.access.users import address_faults, new_user, password_faults, set_password, user
+from service.answers.administration import SessionsEnded
+from service.answers.administration import User as Account
+from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Forbidden, Invalid
 from service.storage.tables import User
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/users", tags=["administration"])
+router = APIRouter(prefix="/users", tags=["administration"], route_class=AnswerRoute)
 
 
 class NewUser(Body):
@@ -53,7 +57,7 @@ def listed(
     asker: Asker,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[Account]:
     """The users that this admin may manage."""
     asker.require("admin")
     query = {"list": "users"}
@@ -69,7 +73,7 @@ def listed(
 
 
 @router.post("", status_code=201, summary="Make a user")
-def make(body: NewUser, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def make(body: NewUser, context: ContextOf, asker: Asker) -> Account:
     """Make a user with a password of at least 12 characters."""
     asker.require("admin")
     if asker.operator is not None and body.operator not in (None, asker.operator):
@@ -90,7 +94,7 @@ def make(body: NewUser, context: ContextOf, asker: Asker) -> dict[str, Any]:
 
 
 @router.patch("/{name}", summary="Change a user")
-def change(name: str, body: ChangedUser, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def change(name: str, body: ChangedUser, context: ContextOf, asker: Asker) -> Account:
     """Change password, role, mail or access; a new password or a lost access ends the user's sessions."""
     asker.require("admin")
     wanted = body.model_dump(exclude_unset=True)
@@ -122,7 +126,7 @@ def change(name: str, body: ChangedUser, context: ContextOf, asker: Asker) -> di
 
 
 @router.delete("/{name}/sessions", summary="Sign a user out everywhere")
-def sign_out(name: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def sign_out(name: str, context: ContextOf, asker: Asker) -> SessionsEnded:
     """End every session of a user."""
     asker.require("admin")
     with context.database.writing() as session:
@@ -132,14 +136,14 @@ def sign_out(name: str, context: ContextOf, asker: Asker) -> dict[str, Any]:
         return {"ended": ended}
 
 
-def _shown(row: User) -> dict[str, Any]:
+def _shown(row: User) -> Account:
     return {
         "name": row.name,
         "role": row.role,
         "operator": row.operator,
         "email": row.email,
         "wants_mail": row.wants_mail,
-        "created_at": row.created_at,
-        "disabled_at": row.disabled_at,
-        "last_signed_in_at": row.last_signed_in_at,
+        "created_at": instant(row.created_at),
+        "disabled_at": instant(row.disabled_at),
+        "last_signed_in_at": instant(row.last_signed_in_at),
     }

@@ -2,7 +2,7 @@
 
 import uuid
 from datetime import UTC, datetime
-from typing import Annotated, Any, get_args
+from typing import Annotated, get_args
 
 from fastapi import APIRouter, Query
 from pydantic import ConfigDict, Field
@@ -11,6 +11,8 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.access.security import Principal
+from service.answers import administration as answers
+from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.notifications.guard import Blocked, target_of
@@ -18,10 +20,11 @@ from service.notifications.outbox import Event
 from service.notifications.signature import new_secret
 from service.reading import queries
 from service.storage.tables import Delivery, Message, Webhook
+from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
-router = APIRouter(prefix="/webhooks", tags=["administration"])
+router = APIRouter(prefix="/webhooks", tags=["administration"], route_class=AnswerRoute)
 EVENTS: list[Event] = list(get_args(Event))
 
 
@@ -44,7 +47,7 @@ def listed(
     asker: Asker,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[answers.Webhook]:
     """The webhooks that this admin may manage, without their secrets."""
     asker.require("admin")
     query = {"list": "webhooks"}
@@ -56,7 +59,7 @@ def listed(
 
 
 @router.post("", status_code=201, summary="Add a webhook")
-def make(body: NewWebhook, context: ContextOf, asker: Asker) -> dict[str, Any]:
+def make(body: NewWebhook, context: ContextOf, asker: Asker) -> answers.WebhookMade:
     """Add a webhook; the secret that signs its deliveries is in this answer and in no other."""
     asker.require("admin")
     if asker.operator is not None and body.operator not in (None, asker.operator):
@@ -80,7 +83,7 @@ def make(body: NewWebhook, context: ContextOf, asker: Asker) -> dict[str, Any]:
         session.add(row)
         details = {"url": row.url, "events": row.events}
         audit.note(session, asker, "webhook.add", f"webhook/{row.id}", row.operator, details)
-    return _shown(row) | {"secret": row.secret}
+    return {**_shown(row), "secret": row.secret}
 
 
 @router.delete("/{webhook_id}", status_code=204, summary="Remove a webhook")
@@ -101,7 +104,7 @@ def deliveries(
     asker: Asker,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
-) -> dict[str, Any]:
+) -> Page[answers.Delivery]:
     """Every message for this webhook of the last 30 days, the newest first."""
     asker.require("admin")
     query = {"list": "deliveries", "webhook": webhook_id}
@@ -123,28 +126,28 @@ def _webhook(session: Session, asker: Principal, webhook_id: str) -> Webhook:
     return row
 
 
-def _shown(row: Webhook) -> dict[str, Any]:
+def _shown(row: Webhook) -> answers.Webhook:
     return {
         "id": row.id,
         "operator": row.operator,
         "url": row.url,
         "events": row.events,
         "owner": row.owner,
-        "created_at": row.created_at,
-        "ended_at": row.ended_at,
+        "created_at": instant(row.created_at),
+        "ended_at": instant(row.ended_at),
         "end_reason": row.end_reason,
     }
 
 
-def _delivery(row: Delivery, event: str, created_at: datetime) -> dict[str, Any]:
+def _delivery(row: Delivery, event: str, created_at: datetime) -> answers.Delivery:
     return {
         "message_id": row.message_id,
         "event": event,
-        "created_at": created_at,
+        "created_at": instant(created_at),
         "status": row.status,
         "attempts": row.attempts,
-        "tried_at": row.tried_at,
-        "due_at": row.due_at if row.status == "pending" else None,
-        "delivered_at": row.delivered_at,
+        "tried_at": instant(row.tried_at),
+        "due_at": instant(row.due_at) if row.status == "pending" else None,
+        "delivered_at": instant(row.delivered_at),
         "outcome": row.outcome,
     }

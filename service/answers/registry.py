@@ -1,0 +1,151 @@
+"""The registry: aircraft, pump types, measured healthy curves, CSV files taken in."""
+
+from typing import NotRequired
+
+from typing_extensions import TypedDict
+
+from service.answers.words import Instant, shape
+
+
+@shape
+class FittedSensor(TypedDict):
+    """A sensor of an aircraft and since when it is there."""
+
+    channel: str
+    """Channel that it measures."""
+    identity: str
+    """Serial number or other mark."""
+    full_scale_bar: float
+    """Full scale [bar]."""
+    accuracy_percent_full_scale: float | None
+    """Accuracy [% of full scale]; null: the pump type's."""
+    since: Instant
+    """Since when it is fitted."""
+
+
+@shape
+class Aircraft(TypedDict):
+    """An aircraft with its fluid, circuit and sensors."""
+
+    aircraft: str
+    """Tail or serial number."""
+    operator: str
+    """Operator that it belongs to."""
+    aircraft_type: str | None
+    """Type, for example `H225`."""
+    fluid: str | None
+    """Product name of the hydraulic fluid; null: the twin's own."""
+    circuit: str
+    """`shared_return` or `separate_drain`."""
+    sensors: list[FittedSensor]
+    """Sensors that differ from the pump type's, or whose change starts a reference anew."""
+    confirmed: bool
+    """False where only records speak of it."""
+    created_at: Instant
+    """When it was first heard of."""
+
+
+@shape
+class SensorOfType(TypedDict):
+    """A sensor that pumps of a type have."""
+
+    full_scale_bar: float
+    """Full scale [bar]."""
+    accuracy_percent_full_scale: float
+    """Accuracy [% of full scale]."""
+    repeatability_percent_full_scale: float
+    """Repeatability [% of full scale]."""
+
+
+@shape
+class Quantity(TypedDict):
+    """A number of a parameter set."""
+
+    value: float
+    """Value, in the `unit` beside it."""
+    unit: str
+    """Unit; `-` for a number without one."""
+    source: str
+    """Where the number comes from."""
+    uncertainty: float | None
+    """One sigma as a share of the value; null where it is exact."""
+
+
+@shape
+class PumpTypeSummary(TypedDict):
+    """A pump type in a list."""
+
+    id: str
+    """Id of the pump type."""
+    title: str
+    """What it is."""
+    nominal_speed_rpm: float
+    """Nominal shaft speed [rpm]."""
+    nominal_reservoir_pressure_bar: float
+    """Nominal reservoir pressure, gauge [bar]."""
+    sensors: dict[str, SensorOfType]
+    """Sensors by the channel that they measure."""
+    twin_version: str
+    """Version of the twin with this parameter set."""
+
+
+@shape
+class PumpType(PumpTypeSummary):
+    """A whole parameter set, in the shape that `POST /pump-types` takes."""
+
+    quantities: dict[str, Quantity]
+    """Parameters of the pump by part and symbol, for example `slipper.h`."""
+    limits: dict[str, Quantity]
+    """Limits that hold for the type."""
+    population: dict[str, Quantity]
+    """How pumps of the type differ from each other."""
+
+
+@shape
+class ReferencePoint(TypedDict):
+    """A measured point of a healthy pump."""
+
+    discharge_pressure_bar: float
+    """Discharge pressure, gauge [bar]."""
+    case_minus_reservoir_bar: float
+    """Case pressure minus reservoir pressure [bar]."""
+    fluid_temperature_degc: float
+    """Fluid temperature [degC]."""
+    speed_rpm: float
+    """Shaft speed [rpm]."""
+
+
+class ReferencePoints(TypedDict):
+    """A measured curve as it is stored."""
+
+    items: list[ReferencePoint]
+
+
+@shape
+class ReferenceCurve(TypedDict):
+    """The healthy curve that holds for a pump type: measured, or the twin's own."""
+
+    pump_type: str
+    """Id of the pump type."""
+    source: str
+    """`measured` or `twin`."""
+    operator: str | None
+    """Operator whose measurement it is; null for everybody's and for the twin's."""
+    points: list[ReferencePoint]
+    """Measured points; empty where the twin's curve holds."""
+    recorded_at: Instant | None
+    """When the measurement was stored."""
+    author: NotRequired[str]
+    """Who stored it; left out for the twin's."""
+
+
+@shape
+class RegistryFileTaken(TypedDict):
+    """What the lines of a registry file did."""
+
+    created: int
+    """Number of lines that registered something (a count)."""
+    changed: int
+    """Number of lines that changed something (a count)."""
+    unchanged: int
+    """Number of lines that said what was known (a count)."""
