@@ -238,7 +238,9 @@ def reprocess(
         say_json({"job": job, "items": items})
     for item in items:
         if item["status"] == "failed":
-            left = f"{item['pump']} ({item['operator']}): left as it was, {item['problem']['detail']}"
+            problem = item["problem"]
+            why = problem["detail"] if problem else "no reason given"
+            left = f"{item['pump']} ({item['operator']}): left as it was, {why}"
             say(left, to=complaints)
             continue
         words = f"{item['pump']} ({item['operator']}): {item['changed']} of {item['records']} verdicts differ"
@@ -248,7 +250,7 @@ def reprocess(
                 line = f"  alarm {what}: {alarm['verdict_state']}, {alarm['priority']}, raised {alarm['raised_at']}"
                 say(line, to=to)
     if job["status"] != "succeeded":
-        raise failure(f"the job is {job['status']}: {(job['problem'] or {}).get('detail', 'see its items')}")
+        raise failure(f"the job is {job['status']}: {job['problem']['detail'] if job['problem'] else 'see its items'}")
 
 
 @app.command(cls=Command)

@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
+from service.answers.verdicts import Verdict
 from service.demo.flights import FlightPlan, csv_bytes, flight
 from twin.condition import Health
 from twin.simulation.instrumentation import HELICOPTER, SensorModel, specimen
@@ -144,12 +145,11 @@ def fleet_records(n_flights: int, seed: int) -> Iterator[DemoRecord]:
         yield from pump_records(pump, n_flights, seed)
 
 
-def is_right(truth: Truth, verdict: dict[str, object]) -> bool:
+def is_right(truth: Truth, verdict: Verdict) -> bool:
     """Whether a final verdict agrees with the truth: the right state, or undecided with it among the candidates."""
     if verdict["state"] in truth.right:
         return True
-    candidates = verdict["candidates"]
-    return verdict["state"] == "indeterminate" and isinstance(candidates, list) and truth.candidate in candidates
+    return verdict["state"] == "indeterminate" and truth.candidate in verdict["candidates"]
 
 
 def _shifted(model: SensorModel, by: float) -> SensorModel:

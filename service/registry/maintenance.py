@@ -50,7 +50,7 @@ def change(
 ) -> MaintenanceEvent:
     """Correct a maintenance event of a locked pump and fold it anew."""
     row = entry(session, MaintenanceEvent, pump, entry_id)
-    values = {"at": instant(row.at), "action": row.action, "note": row.note} | body.model_dump(exclude_none=True)
+    values = {"at": row.at, "action": row.action, "note": row.note} | body.model_dump(exclude_none=True)
     corrected = correct(session, row, pump, author, values)
     refold(session, pump, archive, Cause(CHANGED, entry_id))
     return corrected

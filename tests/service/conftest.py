@@ -12,10 +12,13 @@ from fastapi.testclient import TestClient
 from service.access import users
 from service.demo.fleet import PUMPS, DemoRecord, pump_records
 from service.settings import Settings
+from service.web.answer_route import Checking
 from tests.service import lent_application
 from tests.service.lent_application import lent
 
 REAL_HASHER = users._hasher
+
+Checking.is_on = True
 WORN = next(p for p in PUMPS if "worn" in p.truth.words)
 HEALTHY = PUMPS[0]
 

@@ -1,10 +1,12 @@
-"""What both clients share: requests, answers, and when to try again."""
+"""What both clients share on the wire: uploads, answers, and when to try again."""
 
 import random
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import httpx2
+
+from service.answers.problems import Problem
 
 API_PREFIX = "/api/v1"
 _RETRIED = frozenset({429, 502, 503, 504})
@@ -15,11 +17,11 @@ _LONGEST_WAIT_S = 30.0
 class RefusedError(Exception):
     """The service refused a request; ``problem`` is its problem document."""
 
-    def __init__(self, problem: Mapping[str, Any]) -> None:
+    def __init__(self, problem: Problem) -> None:
         lines = [str(problem.get("detail", "refused"))]
         lines += [f"  {e['where']}: {e['problem']}" for e in problem.get("errors", [])]
         super().__init__("\n".join(lines))
-        self.problem = dict(problem)
+        self.problem = problem
 
 
 class Retries:
@@ -57,7 +59,7 @@ def upload_request(
     return {"content": content, "params": params, "headers": {"Content-Type": content_type}}
 
 
-def document_of(response: httpx2.Response) -> dict[str, Any]:
+def document_of(response: httpx2.Response) -> Any:
     """Body of a good answer.
 
     Raises
@@ -67,9 +69,8 @@ def document_of(response: httpx2.Response) -> dict[str, Any]:
     """
     if response.is_error:
         try:
-            problem = response.json()
+            problem = cast("Problem", response.json())
         except ValueError:
-            problem = {"detail": f"HTTP {response.status_code}"}
+            problem = cast("Problem", {"detail": f"HTTP {response.status_code}"})
         raise RefusedError(problem)
-    document: dict[str, Any] = response.json()
-    return document
+    return response.json() if response.content else {}

@@ -1,0 +1,284 @@
+"""The asynchronous client."""
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping
+from datetime import datetime
+from types import TracebackType
+from typing import Any, Self
+
+import httpx2
+
+from service.answers.administration import AuditEntry, Key, KeyMade, Operator
+from service.answers.alarms import Alarm
+from service.answers.fleet import FleetSummary
+from service.answers.history import Finding, MaintenanceEvent, PlaceInTime
+from service.answers.jobs import Job, JobItem, JobWithItems
+from service.answers.mappings import Mapping as ChannelMapping
+from service.answers.pumps import DamageIdentificationCurve, Forecast, Pump, PumpWithPlace, RankedPump, Trend
+from service.answers.records import Record, RecordSummary, Window
+from service.answers.registry import Aircraft, PumpType, PumpTypeSummary
+from service.answers.thresholds import ThresholdKey, Thresholds
+from service.answers.twin import Isolability, OperatingPoints, Simulation
+from service.answers.verdicts import Verdict, VerdictChange
+from service.client import calls
+from service.client.calls import Answer, Call, PagedCall, Progress
+from service.client.requests import API_PREFIX, Retries, document_of
+
+Value = str | int | float | datetime | None
+Moment = datetime | str | None
+_POLLING_S = 0.5
+
+
+class AsyncClient:
+    """Asynchronous client; parameters and errors are those of ``Client``."""
+
+    def __init__(
+        self,
+        base_url: str,
+        key: str | None = None,
+        *,
+        retries: int = 4,
+        timeout_s: float = 120.0,
+        transport: httpx2.AsyncBaseTransport | None = None,
+    ) -> None:
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = httpx2.AsyncClient(base_url=base_url, headers=headers, timeout=timeout_s, transport=transport)
+        self._retries = retries
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._http.aclose()
+
+    async def upload(
+        self,
+        content: bytes,
+        content_type: str = "text/csv",
+        *,
+        wait: bool = True,
+        metadata: Mapping[str, str] | None = None,
+        mapping: str | None = None,
+    ) -> Record:
+        """Upload one record; where it stands then is the answer.
+
+        Raises
+        ------
+        RefusedError
+            with every fault that the service found.
+        httpx2.HTTPError
+            when the service cannot be reached.
+        """
+        return await self.answer(calls.upload(content, content_type, wait, metadata, mapping))
+
+    async def upload_many(
+        self, content: bytes, content_type: str = "application/zip", *, mapping: str | None = None
+    ) -> Job:
+        """Upload a ZIP file or NDJSON of many records: the job that imports them."""
+        return await self.answer(calls.upload_many(content, content_type, mapping))
+
+    async def record(self, record_id: str) -> Record:
+        """Where a record stands."""
+        return await self.answer(calls.record(record_id))
+
+    def records(self, **filters: Value) -> AsyncIterator[RecordSummary]:
+        """Records, the newest first; filters are those of ``GET /records``, ``from_`` for ``from``."""
+        return self.items(calls.records(**filters))
+
+    def windows(self, record_id: str) -> AsyncIterator[Window]:
+        """Windows of one record in time order."""
+        return self.items(calls.windows(record_id))
+
+    async def withdraw(self, record_id: str, reason: str) -> Record:
+        """Withdraw one record; its bytes are kept."""
+        return await self.answer(calls.withdraw(record_id, reason))
+
+    def pumps(self) -> AsyncIterator[Pump]:
+        """All pumps that the key may see."""
+        return self.items(calls.pumps())
+
+    async def pump(self, serial: str, operator: str | None = None) -> PumpWithPlace:
+        """One pump; ``operator`` tells apart pumps of the same serial number."""
+        return await self.answer(calls.pump(serial, operator))
+
+    async def verdict(
+        self, serial: str, operator: str | None = None, *, at: Moment = None, known_at: Moment = None
+    ) -> Verdict:
+        """Verdict of one pump now, at an event time, or as it stood with what was known at an instant."""
+        return await self.answer(calls.verdict(serial, operator, at, known_at))
+
+    def verdicts(self, serial: str, operator: str | None = None) -> AsyncIterator[VerdictChange]:
+        """Every change of a pump's verdict, the oldest first."""
+        return self.items(calls.verdicts(serial, operator))
+
+    async def trend(self, serial: str, metric: str, **filters: Value) -> Trend:
+        """A metric over time; filters are those of the call, ``from_`` for ``from``."""
+        return await self.answer(calls.trend(serial, metric, **filters))
+
+    async def forecast(self, serial: str, operator: str | None = None) -> Forecast:
+        """Flight hours [h] to the limit, or why none can be given."""
+        return await self.answer(calls.forecast(serial, operator))
+
+    async def curve(self, serial: str, **conditions: Value) -> DamageIdentificationCurve:
+        """The damage identification curve [bar] at the given or the latest conditions."""
+        return await self.answer(calls.curve(serial, **conditions))
+
+    def installations(self, serial: str, operator: str | None = None) -> AsyncIterator[PlaceInTime]:
+        """Where a pump sat."""
+        return self.items(calls.installations(serial, operator))
+
+    def maintenance(self, serial: str, operator: str | None = None) -> AsyncIterator[MaintenanceEvent]:
+        """What was done to a pump."""
+        return self.items(calls.maintenance(serial, operator))
+
+    def findings(self, serial: str, operator: str | None = None) -> AsyncIterator[Finding]:
+        """What the workshop found."""
+        return self.items(calls.findings(serial, operator))
+
+    def aircraft(self) -> AsyncIterator[Aircraft]:
+        """All aircraft that the key may see."""
+        return self.items(calls.aircraft())
+
+    async def fleet_summary(self) -> FleetSummary:
+        """How the fleet is."""
+        return await self.answer(calls.fleet_summary())
+
+    def ranking(self) -> AsyncIterator[RankedPump]:
+        """Pumps by urgency, each with its reasons."""
+        return self.items(calls.ranking())
+
+    def alarms(self, **filters: Value) -> AsyncIterator[Alarm]:
+        """Alarms, the newest first; filters are those of ``GET /alarms``."""
+        return self.items(calls.alarms(**filters))
+
+    async def act_on_alarm(self, alarm_id: str, action: str, **body: Value) -> Alarm:
+        """``acknowledge``, ``shelve``, ``unshelve`` or ``close`` an alarm."""
+        return await self.answer(calls.act_on_alarm(alarm_id, action, body))
+
+    async def thresholds(self, scope: str, scope_id: str, operator: str | None = None) -> Thresholds:
+        """What holds in one layer."""
+        return await self.answer(calls.thresholds(scope, scope_id, operator))
+
+    def threshold_keys(self) -> AsyncIterator[ThresholdKey]:
+        """What can be set, with unit and range."""
+        return self.items(calls.threshold_keys())
+
+    def pump_types(self) -> AsyncIterator[PumpTypeSummary]:
+        """All pump types."""
+        return self.items(calls.pump_types())
+
+    async def pump_type(self, name: str) -> PumpType:
+        """One parameter set."""
+        return await self.answer(calls.pump_type(name))
+
+    def mappings(self) -> AsyncIterator[ChannelMapping]:
+        """All channel mappings."""
+        return self.items(calls.mappings())
+
+    async def operating_points(self, body: calls.Body) -> OperatingPoints:
+        """Steady states of the twin; the body is that of ``POST /twin/operating-point``."""
+        return await self.answer(calls.operating_points(body))
+
+    async def simulation(self, body: calls.Body) -> Simulation:
+        """A short run of the transient twin; the body is that of ``POST /twin/simulation``."""
+        return await self.answer(calls.simulation(body))
+
+    async def isolability(self, body: calls.Body) -> Isolability:
+        """What given sensors can see; the body is that of ``POST /twin/isolability``."""
+        return await self.answer(calls.isolability(body))
+
+    async def start_job(self, kind: str, parameters: calls.Body, operator: str | None = None) -> Job:
+        """Ask for a job."""
+        return await self.answer(calls.start_job(kind, parameters, operator))
+
+    async def job(self, job_id: str) -> JobWithItems:
+        """A job with its first items."""
+        return await self.answer(calls.job(job_id))
+
+    async def cancel_job(self, job_id: str) -> Job:
+        """Stop a job between two items."""
+        return await self.answer(calls.cancel_job(job_id))
+
+    def job_items(self, job_id: str) -> AsyncIterator[JobItem]:
+        """Every item of a job in order."""
+        return self.items(calls.job_items(job_id))
+
+    def keys(self) -> AsyncIterator[Key]:
+        """Keys that an admin may manage."""
+        return self.items(calls.keys())
+
+    async def make_key(self, owner: str, role: str, operator: str | None = None) -> KeyMade:
+        """Make a key; it is in this answer and nowhere else."""
+        return await self.answer(calls.make_key(owner, role, operator))
+
+    def operators(self) -> AsyncIterator[Operator]:
+        """Operators that an admin may manage."""
+        return self.items(calls.operators())
+
+    def audit(self, **filters: Value) -> AsyncIterator[AuditEntry]:
+        """Who changed what, the newest first; filters are those of ``GET /audit``."""
+        return self.items(calls.audit(**filters))
+
+    async def finished_job(self, job_id: str, progress: Progress | None = None) -> JobWithItems:
+        """Wait until a job has ended; ``progress`` is told how far it is."""
+        while True:
+            job = await self.job(job_id)
+            if progress is not None:
+                progress(job["progress"]["done"], job["progress"]["total"])
+            if job["status"] in calls.ENDED:
+                return job
+            await asyncio.sleep(_POLLING_S)
+
+    async def is_ready(self) -> bool:
+        """Whether the service can do its work."""
+        try:
+            return (await self._http.get("/readyz")).status_code == httpx2.codes.OK
+        except httpx2.TransportError:
+            return False
+
+    async def items(self, call: PagedCall[Answer]) -> AsyncIterator[Answer]:
+        """Items of a paged list, page after page."""
+        cursor: str | None = None
+        while True:
+            params = {**call.params, **({"cursor": cursor} if cursor else {})}
+            page = await self.request("GET", call.path, params=params)
+            for item in page["items"]:
+                yield item
+            cursor = page["next"]
+            if cursor is None:
+                return
+
+    async def answer(self, call: Call[Answer]) -> Answer:
+        """The answer to a call of ``service.client.calls``, in its shape."""
+        found: Answer = await self.request(call.method, call.path, **call.arguments)
+        return found
+
+    async def request(self, method: str, path: str, **arguments: Any) -> Any:
+        """Any call of the API, repeated where that is safe and useful.
+
+        Raises
+        ------
+        RefusedError
+            with the service's problem document.
+        httpx2.HTTPError
+            when the service cannot be reached.
+        """
+        retries = Retries(self._retries)
+        while True:
+            try:
+                response = await self._http.request(method, API_PREFIX + path, **arguments)
+            except httpx2.TransportError:
+                wait = retries.wait_after_loss()
+                if wait is None:
+                    raise
+            else:
+                wait = retries.wait_after(response)
+                if wait is None:
+                    return document_of(response)
+            await asyncio.sleep(wait)
