@@ -24,6 +24,15 @@ router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=AnswerRoute)
 Status = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 _PAGE_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; frame-ancestors 'none'"
 """Documents carry their own style and nothing that runs."""
+_DOCUMENTS = {
+    "json": {
+        "schema": {
+            "type": "object",
+            "description": "Numbers of a report or a study, as its kind of job writes them; units stand in their names.",
+        },
+        "example": {"subject": "P-7", "since": "2026-01-01T00:00:00Z", "until": "2026-07-01T00:00:00Z", "pumps": []},
+    }
+}
 
 
 class NewJob(Body):
@@ -103,7 +112,9 @@ def items(
     "/{job_id}/result",
     summary="Document that a job has left",
     response_class=Response,
-    responses={200: {"content": {name.partition(";")[0]: {} for name in CONTENT_TYPES.values()}}},
+    responses={
+        200: {"content": {name.partition(";")[0]: _DOCUMENTS.get(form, {}) for form, name in CONTENT_TYPES.items()}}
+    },
 )
 def result(
     job_id: str,
