@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from service.access.security import Principal
 from service.alarms import reading
+from service.answers.words import instant
 from service.history.knowledge import entries
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
@@ -69,7 +70,7 @@ def pump_chapter(session: Session, principal: Principal, row: Pump, period: Peri
         "case_flow_limit_lpm": limit,
         "trends": {metric: points for metric, points in trends.items() if points},
         "changes": [
-            {"at": a.at, "state": a.state, "advice": a.verdict["advice"]}
+            {"at": instant(a.at), "state": a.state, "advice": a.verdict["advice"]}
             for a in queries.verdict_changes(session, row)
             if period.holds(a.at)
         ],
