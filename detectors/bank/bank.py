@@ -22,10 +22,10 @@ from detectors.bank.hypotheses import (
     prior,
     walk_variance,
 )
-from detectors.bank.kernel import N_MEASURED, ZERO, advance, step
+from detectors.bank.kernel import N_MEASURED, ZERO, advance, free, step
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import N_FEATURES, Regulation
-from detectors.bank.shapes import Array, Base, Filters, History, Integers, Kinds, Reading, Walks
+from detectors.bank.shapes import Array, Base, Filters, Freed, History, Integers, Kinds, Reading, Walks
 from detectors.bank.summary import ARRIVAL, RAMP, STEP, spawned
 from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import AMPLITUDE, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
@@ -66,6 +66,9 @@ _CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
 
 DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
 """What each kind of fault moves per unit of amplitude, zeros for the healthy pump last, shape (N_KINDS + 1, N_COMPONENTS)."""
+LIKE_BEFORE = {"ln_drain": 0.12, "drain_flow": 0.12}
+"""By how much what was exchanged differs from what was there (estimate: a filter element is one part of the drain, the line
+stays as it is; three of these are what a fully loaded element costs)."""
 _MOST_PASSES = 6
 _MOST_ONSETS = np.array(
     [
@@ -129,6 +132,11 @@ class Measurement:
         return Reading(self.anchor, self.ripple, self.values, self.noise, self.seen)
 
 
+def nothing_freed() -> Freed:
+    """Nothing has happened yet."""
+    return Freed(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
+
+
 def _empty() -> Filters:
     return Filters(
         mean=np.zeros((_CAPACITY, N_STATE)),
@@ -155,6 +163,11 @@ class Bank:
         Measurements of each record since the base.
     base
         Where the history begins that filters are fitted anew to.
+    freed
+        What was made unknown since then.
+    refits
+        False where the history begins at a state that was learnt: its covariance holds for the point that it was
+        linearised about, and a fit about another one would lose what it says.
     """
 
     pump: PumpType
@@ -166,6 +179,9 @@ class Bank:
     reservoir_measured: bool = True
     learnt: list[tuple[Measurement, ...]] = field(default_factory=list)
     base: Base = field(init=False)
+    reservoir_seen: bool = False
+    freed: Freed = field(default_factory=nothing_freed)
+    refits: bool = True
     regulation: Regulation = field(default_factory=Regulation)
 
     def __post_init__(self) -> None:
@@ -196,6 +212,7 @@ class Bank:
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
                 self._set_reservoir(measurement.reservoir_measured)
+            self.reservoir_seen = self.reservoir_seen or measurement.reservoir_measured
             iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
             self._take(measurement, iterations)
             self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
@@ -203,14 +220,15 @@ class Bank:
         self.records += 1
         self.learnt.append(measurements)
         self._accept()
-        if self.records - self.base.records in _FITTED_ANEW_AT:
+        if self.refits and self.records - self.base.records in _FITTED_ANEW_AT:
             if self.records - self.base.records >= _LONG:
                 self._keep(self._worth_a_fit())
             self._fit_anew()
         evidence = filters.log_evidence[: self.n]
         settled = self.records == ARRIVAL_RECORDS and evidence[0] >= evidence.max() - _LEVEL_EVIDENCE
-        # half a bar of unknown reservoir pressure is as much as a worn pump makes: without the sensor nobody can say
-        if settled or not self.reservoir_measured:
+        # half a bar of unknown reservoir pressure is as much as a worn pump makes: where it was never measured nobody
+        # can say
+        if settled or not (self.reservoir_measured or self.reservoir_seen):
             self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
 
     def _accept(self) -> None:
@@ -279,25 +297,29 @@ class Bank:
             noises=np.array([m.noise for _, m in numbered]),
             seen=seen,
             record=np.array([self.base.records + i for i, _ in numbered]),
+            wander=np.array([0.0 if m.reservoir_measured else UNMEASURED_RESERVOIR_WALK_BAR**2 for _, m in numbered]),
+            freed=self.freed,
         )
 
     def _rebase(self) -> None:
         """Let the history that fits go back to begin here; what set in before keeps the filter that it has."""
         self.base = Base(self.filters.mean[0].copy(), self.filters.covariance[0].copy(), self.records)
         self.learnt.clear()
+        self.freed = nothing_freed()
+        self.refits = self.records == 0
 
     def _walks(self) -> Walks:
         """Variances per record: of the state, of each filter's amplitude and rate, of a setting that moves beside it."""
         kinds, shape = self.filters.kind[: self.n], self.filters.shape[: self.n]
-        state = _WALK
-        if not self.reservoir_measured:
-            state = _WALK.copy()
-            state[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2
-        return Walks(state, _AMPLITUDE_VARIANCE[shape, kinds], _RATE_VARIANCE[shape, kinds], _SETTING_VARIANCE[kinds])
+        return Walks(_WALK, _AMPLITUDE_VARIANCE[shape, kinds], _RATE_VARIANCE[shape, kinds], _SETTING_VARIANCE[kinds])
 
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
         advance(self.filters, self.n, self._walks())
+        if not self.reservoir_measured:
+            self.filters.covariance[: self.n, PLACE["reservoir"], PLACE["reservoir"]] += (
+                UNMEASURED_RESERVOIR_WALK_BAR**2
+            )
         self.regulation.pass_time()
 
     def _take(self, measurement: Measurement, iterations: int) -> None:
@@ -321,19 +343,40 @@ class Bank:
         return most
 
     def reset(self, components: tuple[str, ...]) -> None:
-        """After maintenance that touched ``components`` their spread is the population's again.
+        """After maintenance that touched ``components`` their spread is the population's again, and nothing else's.
 
-        Faults of those components are forgotten with what they were.
+        A fault of those components ends here. Where one was likelier than the healthy pump, the healthy pump goes on
+        from where that fault's filter stands; else what was learnt so far stays the history that filters are fitted to.
         """
+        filters = self.filters
         touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
-        self._keep(np.flatnonzero(~touched[self.filters.kind[: self.n]]))
+        ended = np.flatnonzero(touched[filters.kind[: self.n]])
+        took_over = False
+        if len(ended):
+            likeliest = ended[filters.log_evidence[ended].argmax()]
+            if filters.log_evidence[likeliest] >= filters.log_evidence[: self.n].max() - _LEVEL_EVIDENCE:
+                self._take_over(likeliest)
+                took_over = True
+        self._keep(np.flatnonzero(~touched[filters.kind[: self.n]]))
         if "setting" in components:
             # the compensator was opened: it regulates as it does now
             self.regulation = Regulation()
-        _, sd = prior(self.pump)
+        if took_over:
+            self._rebase()
+        mean, sd = prior(self.pump)
         for name in components:
-            self._forget(PLACE[name], sd[PLACE[name]])
-        self._rebase()
+            if name in LIKE_BEFORE:
+                self._free(PLACE[name], np.nan, LIKE_BEFORE[name])
+            elif PLACE[name] < N_STATE:
+                self._free(PLACE[name], mean[PLACE[name]], sd[PLACE[name]])
+
+    def _take_over(self, row: int) -> None:
+        """Let the healthy pump go on from where a fault's filter stands, without the fault."""
+        filters, into = self.filters, np.eye(N_STATE)
+        into[AMPLITUDE] = into[RATE] = 0.0
+        filters.mean[0] = into @ filters.mean[row]
+        filters.covariance[0] = into @ filters.covariance[row] @ into.T
+        filters.log_evidence[0] = filters.log_evidence[row]
 
     def _keep(self, rows: Integers) -> None:
         """Drop every filter but these, in their order."""
@@ -342,16 +385,14 @@ class Bank:
             array[:n] = array[rows]
         self.n = n
 
-    def _forget(self, place: int, sd: float) -> None:
-        covariance = self.filters.covariance[: self.n]
-        covariance[:, place, :] = 0.0
-        covariance[:, :, place] = 0.0
-        covariance[:, place, place] = sd**2
+    def _free(self, place: int, mean: float, sd: float) -> None:
+        """A component is unknown again, for every filter and in the history that filters are fitted anew to."""
+        event = Freed(np.array([self.records]), np.array([place]), np.array([mean]), np.array([sd**2]))
+        for f in range(self.n):
+            free(self.filters.mean[f], self.filters.covariance[f], event, 0)
+        self.freed = Freed(*(np.concatenate(pair) for pair in zip(self.freed, event, strict=True)))
 
     def _set_reservoir(self, measured: bool) -> None:
-        place = PLACE["reservoir"]
         spread = MEASURED_RESERVOIR_SD_BAR if measured else self.pump.population["reservoir_pressure_bar"].value
-        self._forget(place, spread)
-        self.filters.mean[: self.n, place] = 0.0
+        self._free(PLACE["reservoir"], 0.0, spread)
         self.reservoir_measured = measured
-        self._rebase()

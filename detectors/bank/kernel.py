@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.bank.shapes import Array, Filters, Reading, Walks
+from detectors.bank.shapes import Array, Filters, Freed, Reading, Walks
 from detectors.expectation.components import (
     AMPLITUDE,
     CASE_OFFSET,
@@ -321,6 +321,22 @@ def wandered(m: Array, P: Array, walk: Array, amplitude: float, rate: float, set
     P[AMPLITUDE, AMPLITUDE] += amplitude
     P[RATE, RATE] += rate
     P[SETTING, SETTING] += setting
+
+
+@compiled
+def free(m: Array, P: Array, freed: Freed, event: int) -> None:
+    """One filter's component is unknown again, in place: nothing that was learnt of it holds any more.
+
+    Where no mean is given, it is as it was, give or take the variance.
+    """
+    j = freed.place[event]
+    if math.isnan(freed.mean[event]):
+        P[j, j] += freed.variance[event]
+        return
+    for i in range(N_STATE):
+        P[i, j] = 0.0
+        P[j, i] = 0.0
+    m[j], P[j, j] = freed.mean[event], freed.variance[event]
 
 
 @compiled

@@ -11,10 +11,10 @@ import math
 
 import numpy as np
 
-from detectors.bank.kernel import Scratch, scratch, take, wandered
+from detectors.bank.kernel import Scratch, free, scratch, take, wandered
 from detectors.bank.shapes import Array, Base, Filters, History, Integers, Kinds, Reading, Walks
 from detectors.bank.summary import ARRIVAL, RAMP, STEP
-from detectors.expectation.components import AMPLITUDE, N_STATE, RATE, SETTING
+from detectors.expectation.components import AMPLITUDE, N_STATE, RATE, RESERVOIR, SETTING
 from twin.compiled import compiled
 
 _PASSES_OF_FAULTS = 2
@@ -133,10 +133,23 @@ def _through(
     total, at = 0.0, base.records - 1
     along, grows = 0.0, 0.0
     nowhere, wander = np.empty(0), np.empty(N_STATE)
+    freed = history.freed
+    freed_last, event = np.full(N_STATE, -1), 0
+    for e in range(len(freed.record)):
+        freed_last[freed.place[e]] = freed.record[e]
+    if backwards:
+        event = len(freed.record) - 1
     for place in range(len(record)):
         i = len(record) - 1 - place if backwards else place
         if record[i] != at:
             at = record[i]
+            # what was made unknown between this record and the last one, on the way there or on the way back
+            while not backwards and event < len(freed.record) and freed.record[event] <= at:
+                free(m, P, freed, event)
+                event += 1
+            while backwards and event >= 0 and freed.record[event] > at:
+                free(m, P, freed, event)
+                event -= 1
             if not begun and at >= onset:
                 begun = True
                 filters.setting_at_onset[f] = m[SETTING]
@@ -147,6 +160,7 @@ def _through(
                 wandered(m, P, walk, amplitude_walk, rate_walk, setting_walk)
             else:
                 wandered(m, P, walk, 0.0, 0.0, 0.0)
+            P[RESERVOIR, RESERVOIR] += history.wander[i]
             if begun and kind >= 0:
                 along = amplitude
                 if shape == RAMP:
@@ -160,6 +174,9 @@ def _through(
         for j in range(N_STATE):
             point[j] = about[j]
             wander[j] = (last - at) * walk[j]
+            if at < freed_last[j]:
+                # where it came to says nothing of what it was before
+                point[j], wander[j] = m[j], P[j, j]
         wander[SETTING] += (last - max(at, onset)) * setting_walk
         point[AMPLITUDE], point[RATE] = along, grows
         reading = Reading(history.anchors[i], history.ripples[i], history.values[i], history.noises[i], places[:n_seen])

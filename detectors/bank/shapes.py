@@ -75,10 +75,25 @@ class Reading(NamedTuple):
     seen: Integers
 
 
+class Freed(NamedTuple):
+    """Components that something made unknown again before a record was taken, in order of the records, first axis E.
+
+    ``record`` is the number of that record, ``place`` the component's place in a state, ``mean`` and ``variance`` what
+    is known of it from then on; a mean of NaN leaves it as it was and adds the variance.
+    """
+
+    record: Integers
+    place: Integers
+    mean: Array
+    variance: Array
+
+
 class History(NamedTuple):
     """Measurements in order, first axis R: those of a ``Reading`` one after another.
 
-    ``seen`` says of each of the six whether it was measured, shape (R, 6); ``record`` to which record each belongs, shape (R,).
+    ``seen`` says of each of the six whether it was measured, shape (R, 6); ``record`` to which record each belongs, shape (R,);
+    ``wander`` is the variance by which the reservoir pressure wandered before it on top of its own, shape (R,).
+    ``freed`` is what happened on the way.
     """
 
     anchors: Array
@@ -87,6 +102,8 @@ class History(NamedTuple):
     noises: Array
     seen: NDArray[np.bool_]
     record: Integers
+    wander: Array
+    freed: Freed
 
 
 class Base(NamedTuple):

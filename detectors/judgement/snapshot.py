@@ -15,6 +15,7 @@ import numpy as np
 
 # which records are still needed is the bank's own business; a second copy of these numbers could drift
 from detectors.bank.bank import _FITTED_ANEW_AT, Bank, Measurement
+from detectors.bank.shapes import Freed
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement import packing
 from detectors.judgement.assessment import Fold
@@ -29,7 +30,7 @@ _QUICK = 1
 """Compression level: most of the bytes are mantissas, which no level makes much smaller."""
 _GIVEN_AGAIN = ("pump", "circuit", "thresholds", "healthy", "reference", "bank")
 """Fields of the fold that are given again or follow from what is; the bank is packed apart."""
-_APART = ("pump", "learnt", "filters", "base", "regulation")
+_APART = ("pump", "learnt", "filters", "base", "regulation", "freed")
 """Fields of the bank that are no plain numbers."""
 
 
@@ -44,7 +45,9 @@ def snapshot(fold: Fold) -> bytes:
         else:
             numbers[name] = int(value)
     # what was learnt is read again only when filters are fitted anew: later it only says that there is something
-    learnt = bank.learnt if bank.records - bank.base.records < max(_FITTED_ANEW_AT) else bank.learnt[-1:]
+    learnt = (
+        bank.learnt if bank.records - bank.base.records < max(_FITTED_ANEW_AT) and bank.refits else bank.learnt[-1:]
+    )
     carried = tuple(getattr(fold, name) for name in _carried_fields())
     body = zlib.compress(packing.packed((carried, numbers, arrays, learnt)), _QUICK)
     return _MAGIC + hashlib.sha256(body).digest() + body
@@ -76,6 +79,7 @@ def fold_from(
         raise ValueError("this snapshot is of a bank with other fields")
     for name, value in zip(_carried_fields(), carried, strict=True):
         setattr(fold, name, value)
+    bank.freed = Freed(*(arrays.pop(f"freed.{name}") for name in Freed._fields))
     for name, array in arrays.items():
         parts[name][: len(array)] = array
     bank.base = bank.base._replace(records=numbers.pop("base.records"))
@@ -110,5 +114,5 @@ def _packed_type() -> Any:
 def _parts(bank: Bank) -> dict[str, Any]:
     """Every number and array of a bank by its name; what was learnt and the pump apart."""
     own = {f.name: getattr(bank, f.name) for f in fields(Bank) if f.name not in _APART}
-    shapes: dict[str, Any] = {"filters": bank.filters, "base": bank.base, "charts": bank.regulation.charts}
+    shapes: dict[str, Any] = {"filters": bank.filters, "base": bank.base, "charts": bank.regulation.charts, "freed": bank.freed}
     return own | {f"{name}.{part}": value for name, shape in shapes.items() for part, value in shape._asdict().items()}
