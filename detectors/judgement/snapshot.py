@@ -114,5 +114,10 @@ def _packed_type() -> Any:
 def _parts(bank: Bank) -> dict[str, Any]:
     """Every number and array of a bank by its name; what was learnt and the pump apart."""
     own = {f.name: getattr(bank, f.name) for f in fields(Bank) if f.name not in _APART}
-    shapes: dict[str, Any] = {"filters": bank.filters, "base": bank.base, "charts": bank.regulation.charts, "freed": bank.freed}
+    shapes: dict[str, Any] = {
+        "filters": bank.filters,
+        "base": bank.base,
+        "charts": bank.regulation.charts,
+        "freed": bank.freed,
+    }
     return own | {f"{name}.{part}": value for name, shape in shapes.items() for part, value in shape._asdict().items()}
