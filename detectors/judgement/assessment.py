@@ -15,10 +15,11 @@ from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement import wording
 from detectors.judgement.estimates import estimates
 from detectors.judgement.isolation import Alarm, Decision, Evidence, decided, evidence, secondary
+from detectors.judgement.plausibility import IMPLAUSIBLE_FLIGHTS, Doubt, doubt
 from detectors.words.flights import Roles, outline_of, roles_of
 from detectors.words.numbers import Z_90
 from detectors.words.observation import History, Maintenance, Observation, Residual
-from detectors.words.verdict import SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
+from detectors.words.verdict import FAULTS, SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
@@ -30,6 +31,11 @@ MAINTENANCE_RESETS: Mapping[str, tuple[str, ...]] = {
     "sensor_replaced": ("case_offset",),
 }
 """Components of the state that each action makes unknown again."""
+
+
+_RESIDUE = 0.05
+"""Probability of all that the record's implausibility does not point to (our estimate: one such run in twenty has another
+cause)."""
 
 
 def assess(
@@ -94,6 +100,8 @@ class Fold:
     without_reservoir: int = 0
     outside_curve: dict[str, int] = field(default_factory=dict)
     supplemented: bool = False
+    doubts: int = 0
+    doubtful: Doubt | None = None
     latest: Latest | None = None
 
     def __post_init__(self) -> None:
@@ -131,7 +139,13 @@ class Fold:
             self.rejected += sum(not w.accepted for w in observation.reduction.windows)
             found = measured.get(observation.record_id)
             trend: dict[str, Estimate] = {}
-            if found is not None:
+            doubted = doubt(observation, found.residuals if found is not None else {}, self.pump)
+            if doubted is not None:
+                again = self.doubtful is not None and self.doubtful.channel == doubted.channel
+                self.doubts, self.doubtful = self.doubts + 1 if again else 1, doubted
+                trend = {} if found is None else _measured_trend(observation, found.residuals)
+            elif found is not None:
+                self.doubts, self.doubtful = 0, None
                 self.learn(observation, found)
                 trend = _measured_trend(observation, found.residuals)
             elif observation.record_id in supplements and self.bank.learnt:
@@ -177,6 +191,9 @@ class Fold:
         quality = self._quality()
         unchanged = previous is not None and previous.quality.records_used == self.used and not self.supplemented
         self.supplemented = False
+        if self.doubtful is not None and self.doubts >= IMPLAUSIBLE_FLIGHTS and previous is not None:
+            self.verdict = _implausible(self.doubtful, self.doubts, previous, quality, observation.at)
+            return self.verdict
         if previous is not None and unchanged and self.since_installed > 0:
             self.verdict = replace(previous, quality=quality)
             return self.verdict
@@ -206,6 +223,10 @@ class Fold:
             flags.append(
                 f"reservoir pressure not measured in {self.without_reservoir} of {used} records: "
                 "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
+            )
+        if self.doubtful is not None:
+            flags.append(
+                f"{self.doubtful.channel} {self.doubtful.why}: the last {self.doubts} record(s) are no evidence for pump or circuit"
             )
         flags += [
             f"{n} of {used} records outside the measured healthy curve ({why}): judged against the twin"
@@ -246,6 +267,7 @@ def _verdict(
 ) -> Verdict:
     state = decision.state
     probabilities = UNINFORMED if state is State.INSUFFICIENT_DATA else found.probabilities
+    sensor = _sensor(bank, found) if state is State.SENSOR_FAULT else None
     return Verdict(
         state=state,
         side=_side(decision),
@@ -254,13 +276,41 @@ def _verdict(
         probabilities=probabilities,
         candidates=decision.candidates,
         secondary=secondary(found, state),
-        sensor=_sensor(bank, found) if state is State.SENSOR_FAULT else None,
+        sensor=sensor,
         estimates=values,
         minimum_detectable=smallest,
         quality=quality,
-        advice=wording.advice(state, decision.candidates, values, limit, missing),
+        advice=wording.advice(state, decision.candidates, values, limit, missing, sensor),
         resolving_measurement=wording.resolving_measurement(decision.candidates),
     )
+
+
+def _implausible(found: Doubt, records: int, previous: Verdict, quality: Quality, at: datetime) -> Verdict:
+    """The verdict where the last records cannot be true: what was known of pump and circuit before stays an estimate."""
+    decision = (
+        Decision(State.SENSOR_FAULT) if len(found.states) == 1 else Decision(State.INDETERMINATE, tuple(found.states))
+    )
+    probabilities = _spread(found.states)
+    return replace(
+        previous,
+        state=decision.state,
+        side=_side(decision),
+        since=previous.since if previous.state is decision.state else at,
+        confidence=max(probabilities.values()),
+        probabilities=probabilities,
+        candidates=decision.candidates,
+        secondary=None,
+        sensor=found.channel if decision.state is State.SENSOR_FAULT else None,
+        quality=quality,
+        advice=wording.implausible(found.channel, found.why, records),
+        resolving_measurement=wording.gauge(found.channel),
+    )
+
+
+def _spread(states: tuple[State, ...]) -> dict[State, float]:
+    """Probabilities where only a few states are left: equal among them, a residue for the others."""
+    others = [s for s in (State.HEALTHY, *FAULTS) if s not in states]
+    return {s: _RESIDUE / len(others) for s in others} | {s: (1.0 - _RESIDUE) / len(states) for s in states}
 
 
 def _side(decision: Decision) -> Side:

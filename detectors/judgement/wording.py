@@ -5,13 +5,32 @@ from collections.abc import Mapping
 from detectors.words.states import STATES
 from detectors.words.verdict import FAULTS, SIDE_OF, Estimate, Side, State
 
+SENSORS: Mapping[str, str] = {
+    "case_pressure_bar": "case pressure sensor",
+    "discharge_pressure_bar": "discharge pressure sensor",
+    "reservoir_pressure_bar": "reservoir pressure sensor",
+}
+"""What a maintainer calls the sensor of a channel."""
+_SENSOR_ADVICE: Mapping[str, str] = {
+    "case_pressure_bar": "Check the case pressure sensor: its zero has moved. Pump and circuit stay monitored as long as "
+    "records hold a pump-off stretch.",
+    "reservoir_pressure_bar": "Check the reservoir pressure sensor: its reading has moved against the case pressure, with "
+    "the pump at rest or running.",
+}
 NAMES: Mapping[State, str] = {state: STATES[state].word for state in FAULTS}
 
 
 def advice(
-    state: State, candidates: tuple[State, ...], found: Mapping[str, Estimate], limit_lpm: float, missing: int
+    state: State,
+    candidates: tuple[State, ...],
+    found: Mapping[str, Estimate],
+    limit_lpm: float,
+    missing: int,
+    sensor: str | None = None,
 ) -> str:
-    """One or two plain sentences for this state; ``missing`` is the number of records a baseline still needs."""
+    """One or two plain sentences for this state; ``missing`` is the number of records a baseline still needs,
+    ``sensor`` the channel of a sensor fault.
+    """
     if state is State.INSUFFICIENT_DATA:
         return f"Keep recording: {missing} more flights with a zero-flow window are needed for a baseline."
     flow = found["case_flow_at_reference_lpm"]
@@ -45,10 +64,7 @@ def advice(
         by = f" by {drain.mean:.0f} % ({drain.low:.0f} to {drain.high:.0f} %)" if drain else ""
         return f"Leave the pump in place and check the case drain line and its filter: its resistance has grown{by}."
     if state is State.SENSOR_FAULT:
-        return (
-            "Check the case pressure sensor: its zero has moved. Pump and circuit stay monitored as long as records "
-            "hold a pump-off stretch."
-        )
+        return _SENSOR_ADVICE[sensor or "case_pressure_bar"]
     names = ", ".join(NAMES[c] for c in candidates)
     if {SIDE_OF[c] for c in candidates} == {Side.SYSTEM}:
         return (
@@ -59,6 +75,19 @@ def advice(
     return (
         f"Something has changed and the data cannot yet say what. Possible: {names}. Do not replace the pump on this."
     )
+
+
+def implausible(channel: str, why: str, records: int) -> str:
+    """What to do where the last records cannot be true."""
+    return (
+        f"Check the {SENSORS[channel]}, its plug and its line: on the last {records} flights it {why}. "
+        "Pump and circuit are not monitored until it is mended: do not judge the pump by these flights."
+    )
+
+
+def gauge(channel: str) -> str:
+    """What would tell whether a sensor is right."""
+    return f"a reading of the {SENSORS[channel]} against a gauge, with the pump at rest and running"
 
 
 def resolving_measurement(candidates: tuple[State, ...]) -> str | None:

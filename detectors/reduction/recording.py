@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from detectors.reduction.behaviour import behaviours
 from detectors.reduction.load_steps import droop_from_rest
 from detectors.reduction.spectrum import spectrum
 from detectors.reduction.windows import LOWEST_SPEED_FRACTION, steady_windows, unchanging_channels
@@ -32,7 +33,15 @@ def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[s
     explanation = None if accepted else _explanation(recording, windows, pump)
     window = accepted[-1] if accepted else None
     lines = _spectrum(recording, window, pump, thresholds)
-    return Reduction(zero, windows, explanation, tuple(flags), lines, droop_from_rest(recording, pump))
+    return Reduction(
+        zero,
+        windows,
+        explanation,
+        tuple(flags),
+        lines,
+        droop_from_rest(recording, pump),
+        behaviours(recording, pump),
+    )
 
 
 def _spectrum(

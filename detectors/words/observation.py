@@ -58,12 +58,32 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
+class Behaviour:
+    """How one pressure channel behaved over a record: facts for the question whether it can be true.
+
+    ``at_rest`` and ``running`` count different values while the pump stands and while it turns at speed, at most
+    ``MOST_VALUES`` of them; ``samples`` counts samples at speed, ``at_full_scale`` is the share of them at the sensor's
+    full scale.
+    """
+
+    at_rest: int
+    running: int
+    samples: int
+    at_full_scale: float
+
+
+MOST_VALUES = 8
+"""Different values that are told apart: more than a converter that toggles ever shows."""
+
+
+@dataclass(frozen=True, slots=True)
 class Reduction:
     """All that the analysis keeps of one recording, in time order.
 
     ``explanation`` says in one sentence why a record without an accepted zero-flow window adds nothing;
     None when there is one. ``flags`` are quality remarks. ``spectrum`` is None where the record is too slow for one,
-    ``droop`` where it holds no step of a known load.
+    ``droop`` where it holds no step of a known load. ``behaviours`` are those of both pressures, by channel; empty in
+    reductions made before there were any.
     """
 
     zero: Zero
@@ -72,6 +92,7 @@ class Reduction:
     flags: tuple[str, ...] = ()
     spectrum: Spectrum | None = None
     droop: Droop | None = None
+    behaviours: Mapping[str, Behaviour] = field(default_factory=dict)
 
     @property
     def zero_flow(self) -> Window | None:
