@@ -100,6 +100,7 @@ class Fold:
     without_reservoir: int = 0
     outside_curve: dict[str, int] = field(default_factory=dict)
     supplemented: bool = False
+    touched: bool = False
     doubts: int = 0
     doubtful: Doubt | None = None
     latest: Latest | None = None
@@ -148,8 +149,8 @@ class Fold:
                 self.doubts, self.doubtful = 0, None
                 self.learn(observation, found)
                 trend = _measured_trend(observation, found.residuals)
-            elif observation.record_id in supplements and self.bank.learnt:
-                # without anything learnt its flight lies before a reset, and its lines belong to what was forgotten
+            elif observation.record_id in supplements and self.bank.learnt and not self.touched:
+                # behind a reset its lines belong to what its flight's window did not see
                 self.supplement(supplements[observation.record_id])
             verdict = self.conclude(observation)
             if trend:
@@ -165,10 +166,12 @@ class Fold:
             return
         for event in _due(history.maintenance, previous.at, observation.at):
             self.bank.reset(MAINTENANCE_RESETS.get(event.action, ()))
+            self.touched = True
 
     def learn(self, observation: Observation, found: Measured) -> None:
         """Take one record's windows into the bank."""
         self.bank.learn(found.measurements)
+        self.touched = False
         self.used += 1
         self.since_installed += 1
         after = self.since_installed - int(self.thresholds["baseline_records"])
