@@ -24,11 +24,11 @@ def _judgement(
 
 MUTANTS: tuple[Mutant, ...] = (
     _reduction("detectors.reduction.windows", "_swing(part), share * sensor", "_swing(part), 2.0 * share * sensor"),
-    _reduction("detectors.reduction.windows", "LOWEST_PRESSURE_FRACTION = 0.85", "LOWEST_PRESSURE_FRACTION = 0.5"),
+    _reduction("detectors.words.numbers", "LOWEST_PRESSURE_SHARE = 0.85", "LOWEST_PRESSURE_SHARE = 0.5"),
     _reduction("detectors.reduction.windows", "LOWEST_SPEED_FRACTION = 0.7", "LOWEST_SPEED_FRACTION = 0.5"),
     _reduction("detectors.reduction.windows", "100.0 * speed > band * centre", "50.0 * speed > band * centre"),
     _reduction("detectors.reduction.windows", "if drift > limit:", "if drift > 2.0 * limit:"),
-    _reduction("detectors.reduction.windows", "MOST_MISSING = 0.2", "MOST_MISSING = 1.0"),
+    _reduction("detectors.words.numbers", "MOST_MISSING = 0.2", "MOST_MISSING = 1.0"),
     _reduction("detectors.reduction.windows", "zero & known & ~flowing", "zero & ~flowing"),
     _reduction("detectors.reduction.windows", "quiet &= ~(activity > ", "quiet &= (activity >= 0.0) | ~(activity > "),
     _reduction("detectors.reduction.windows", "- held) > step", "- held) > 100.0 * step"),
@@ -54,8 +54,8 @@ MUTANTS: tuple[Mutant, ...] = (
     _bank("detectors.bank.hypotheses", "-np.inf if h is None else h", "0.0 if h is None else h"),
     _bank(
         "detectors.bank.bank",
-        'walk[PLACE["reservoir"]] = UNMEASURED_RESERVOIR_WALK_BAR**2',
-        'walk[PLACE["reservoir"]] *= 1.0',
+        "                UNMEASURED_RESERVOIR_WALK_BAR**2\n",
+        "                0.0 * UNMEASURED_RESERVOIR_WALK_BAR**2\n",
     ),
     _bank(
         "detectors.bank.bank",
@@ -67,10 +67,10 @@ MUTANTS: tuple[Mutant, ...] = (
     _bank("detectors.bank.kernel", "d -= A[j, k] * A[j, k]", "d -= A[j, k]", plain=True),
     _bank("detectors.bank.kernel", "log_det += 2.0 * math.log", "log_det += math.log", plain=True),
     _bank("detectors.bank.kernel", "(STUDENT_DEGREES + k) * math.log1p", "STUDENT_DEGREES * math.log1p", plain=True),
-    _judgement("detectors.judgement.estimates", "Z_90 = 1.645", "Z_90 = 1.0", "nine_in_ten"),
+    _judgement("twin.numbers", "Z_90 = 1.645", "Z_90 = 1.0", "nine_in_ten"),
     _judgement("detectors.judgement.estimates", "(1.0 - share) * spread**2", "spread**2", "nine_in_ten"),
-    _judgement("detectors.judgement.assessment", "half = 1.645 * residual", "half = 1.0 * residual", "nine_in_ten"),
-    _judgement("detectors.judgement.assessment", "half = 1.645 * mean", "half = 1.0 * mean", "nine_in_ten"),
+    _judgement("detectors.judgement.assessment", "half = Z_90 * residual", "half = 1.0 * residual", "nine_in_ten"),
+    _judgement("detectors.judgement.assessment", "half = Z_90 * mean", "half = 1.0 * mean", "nine_in_ten"),
     _judgement("detectors.judgement.assessment", '"setting_adjusted": ("setting",)', '"setting_adjusted": ()', "frees"),
     _judgement(
         "detectors.judgement.assessment", "key=lambda o: (o.at, o.record_id))", "key=lambda o: o.at)", "instant"

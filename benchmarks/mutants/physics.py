@@ -43,7 +43,7 @@ MUTANTS: tuple[Mutant, ...] = (
     _law("twin.laws.metering_edge", "math.sqrt(X * X + (X_0 + c) ** 2) - X_0", "math.sqrt(X * X + (X_0 + c) ** 2)"),
     _law("twin.laws.metering_edge", "r * r * math.acos(1.0 - x / r)", "r * r * math.acos(1.0 - 0.5 * x / r)"),
     _reduced("r = D / D_0", "r = 1.0"),
-    _reduced("_COUNTED = 175.0", "_COUNTED = 160.0"),
+    _reduced("_COUNTED = ZERO_FLOW_BAR", "_COUNTED = 160.0"),
     _reduced("_SLIPPER_VISCOSITY = 0.5", "_SLIPPER_VISCOSITY = 0.6"),
     _reduced("+ (d - 1.0) * anchor[_DROOP]", "+ d * anchor[_DROOP]"),
     _reduced("2.0 * w_Q * abs(Q_c) / anchor[_Q_REF] + 1.0", "w_Q * abs(Q_c) / anchor[_Q_REF] + 1.0"),

@@ -84,7 +84,7 @@ MUTANTS: tuple[Mutant, ...] = (
     _life(' or point.state == "insufficient_data":', ":"),
     _life("rules.limit_off_lpm if before else rules.limit_lpm", "rules.limit_lpm"),
     _life("limit * (1.0 - thresholds", "limit * (1.0 + thresholds"),
-    _life('{"sensor_fault": "low", "indeterminate": "medium"}', '{"sensor_fault": "low", "indeterminate": "high"}'),
+    Mutant("alarms", "detectors.words.states", '"?", 4, "medium")', '"?", 4, "high")', _LIFE),
     _life(
         "if handled and (rank > known.rank or (renamed and rank == known.rank)):", "if handled and rank > known.rank:"
     ),

@@ -84,7 +84,9 @@ class TestTenancy:
             ("DELETE", "/operators/north?confirm=north&reason=x", {}),
         ]
         for method, path, more in calls:
-            for named in ("", ("&" if "?" in path else "?") + "operator=north"):
+            # what takes no operator refuses the parameter by name, whoever asks
+            takes_one = not path.startswith(("/records/", "/operators/"))
+            for named in ("", ("&" if "?" in path else "?") + "operator=north") if takes_one else ("",):
                 answer = guarded.request(method, API + path + named, headers=theirs, **more)
                 assert answer.status_code == 404, (method, path + named, answer.text)
                 assert "secret" not in answer.text

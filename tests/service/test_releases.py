@@ -298,8 +298,9 @@ def test_the_key_names_all_that_a_reduction_depends_on(monkeypatch: pytest.Monke
 def test_the_code_of_a_reduction_holds_what_it_needs_and_no_release() -> None:
     """Else a mended word of the judge, or a new version number, would have a fleet reduced again."""
     made = set(imported_modules(reduced.__name__))
-    parts = ("reduction", "windows", "zero", "statistics", "spectrum", "load_steps", "residuals")
-    assert {f"detectors.{part}" for part in parts} | {"service.history.codec", "twin.operating_point"} <= made
+    parts = ("recording", "windows", "zero", "statistics", "spectrum", "load_steps", "behaviour")
+    others = {"detectors.expectation.residuals", "service.history.codec", "twin.operating_point"}
+    assert {f"detectors.reduction.{part}" for part in parts} | others <= made
     assert not made & {"service", "service.identity", "detectors.judgement.assessment", "detectors.judgement.wording"}
     judged = set(imported_modules(*(module.__name__ for module in _MODULES)))
     assert {
