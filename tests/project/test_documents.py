@@ -2,24 +2,27 @@
 
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 
 from service import __version__
-from tests.code_map import ARCHITECTURE, ROOT, START, folders, written
+from tests.code_map import ARCHITECTURE, PACKAGES, ROOT, START, folders, written
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "CITATION.cff"])
 NAMES = [d.relative_to(ROOT).as_posix() for d in DOCUMENTS]
 HOSTS = {"127.0.0.1", "10.0.0.7", "test", "keepachangelog.com", "semver.org"}
 """Addresses that documents may name, besides those of example.org and its like."""
+FILES = {p.name for part in (*PACKAGES, "tests", "migrations") for p in (ROOT / part).rglob("*.py")}
 
 
 def commands(makefile: str, target: str) -> list[str]:
     """What a target runs, as a hook would say it."""
     found = re.search(rf"^{target}: .*\n((?:\t.*\n)+)", makefile, re.M)
     assert found is not None, target
-    return [line.strip().removeprefix("@").replace('"$(BIN)/', ".venv/bin/").replace('"', "") for line in found[1].splitlines()]
+    return [
+        line.strip().removeprefix("@").replace('"$(BIN)/', ".venv/bin/").replace('"', "")
+        for line in found[1].splitlines()
+    ]
 
 
 def test_the_list_of_files_is_the_files_of_today() -> None:
@@ -42,8 +45,7 @@ def test_every_place_that_a_document_names_is_there(document: str) -> None:
     assert sorted(set(names) - set(known)) == []
     for name in re.findall(r"`((?:twin|detectors|service|benchmarks|tests)(?:\.\w+)+)(?<!\.py)`", text):
         assert _is_module_or_name_in_one(name), name
-    files = {p.name for p in ROOT.rglob("*.py") if ".venv" not in p.parts}
-    assert sorted({n for n in re.findall(r"`(\w+\.py)`", text)} - files) == []
+    assert sorted(set(re.findall(r"`(\w+\.py)`", text)) - FILES) == []
     for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", text):
         assert link.startswith("https:") or ((ROOT / document).parent / link).exists(), link
 
