@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 
-.PHONY: help demo test test-fast study lint format types imports migrations containers serve mutants clean tools
+.PHONY: help demo test test-fast study lint format types imports migrations hooks containers serve mutants clean tools
 
 help: ## show what there is
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -59,6 +59,9 @@ imports: $(VENV)/.installed ## the direction of imports
 
 migrations: $(VENV)/.installed ## tables and migrations agree, on SQLite and on Postgres
 	@"$(BIN)/python" tests/check_migrations.py
+
+hooks: $(VENV)/.installed ## check what CI checks before every commit (installs pre-commit hooks)
+	@"$(BIN)/pre-commit" install
 
 containers: $(VENV)/.installed ## build and run the image and the compose file on a real engine (root, Debian)
 	@"$(BIN)/python" -m pytest -p no:xdist -m containers tests/containers $(PYTEST_ARGS)

@@ -43,7 +43,7 @@ def fit_anew(
     base, kinds, walks, history
         Where the history begins, what faults are, how the state wanders, and all that was measured since.
     alive
-        How much of the state is alive (``n`` of ``filter_kernel.take``).
+        How much of the state is alive (``n`` of ``kernel.step``).
     most_passes
         Over the history, for the healthy pump from each start.
     """

@@ -103,7 +103,7 @@ class ComingAndGoing:
 class SmallStep:
     """Steps in inside the judge's own world (``detectors.evaluation.small_steps``) and stays.
 
-    ``kind`` is one of ``state_model.FAULT_KINDS``; ``information`` what it gives away in the mean [nat a record] while
+    ``kind`` is one of ``hypotheses.FAULT_KINDS``; ``information`` what it gives away in the mean [nat a record] while
     it is looked for: its size follows from that, pump by pump.
     """
 

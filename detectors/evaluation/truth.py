@@ -1,6 +1,6 @@
 """When a simulated fault is worth a word: the truth that stated probabilities are held against.
 
-A judge that states the probability of a fault means one above that fault's own floor (``state_model.FaultKind.floor``):
+A judge that states the probability of a fault means one above that fault's own floor (``hypotheses.FaultKind.floor``):
 what is smaller counts as healthy in its sums. So the truth of a record is the fault where its true change since the
 installation reaches the floor, and health before.
 """

@@ -1,4 +1,4 @@
-"""The demo's fleet: eight pumps, four of them healthy, and what is wrong with the others."""
+"""The demo's fleet: eight pumps, three of them healthy, and what is wrong with the others."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
