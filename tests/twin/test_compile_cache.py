@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,6 +48,32 @@ stats = [kernel.stats for kernel in (shifted, scaled)]
 counts = [sum(sum(getattr(s, name).values()) for s in stats) for name in ("cache_hits", "cache_misses")]
 print(json.dumps([values, *counts]))
 """
+SERVER = """
+import json, os, sys, traceback
+import numba, platformdirs
+
+numba.njit(lambda x: x + 1.0)(1.0)
+for line in sys.stdin:
+    asked = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        os.environ.clear()
+        os.environ.update(asked["environment"])
+        os.chdir(asked["folder"])
+        sys.path.insert(0, asked["folder"])
+        for stream, file in ((1, asked["output"]), (2, asked["complaints"])):
+            os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), stream)
+        status = 0
+        try:
+            exec(asked["code"], {})
+        except BaseException:
+            traceback.print_exc()
+            status = 1
+        sys.stdout.flush()
+        os._exit(status)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+"""Has loaded numba, and forks a process for each run: what is looked at is the cache, not the import."""
 NOBODY = """
 import pwd
 def getpwuid(uid):
@@ -80,20 +107,44 @@ def package(folder: Path) -> Path:
     return folder
 
 
-def run(project: Path, home: Path | None, cache: Path | None, code: str = CALLS) -> Run:
-    """Call both kernels in a process that obeys permissions; its ``HOME`` and named cache may be missing."""
-    environment = {
-        "PATH": os.environ["PATH"],
-        "PYTHONPATH": str(project),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        **({} if home is None else {"HOME": str(home)}),
-        **({} if cache is None else {"CASEDRAIN_COMPILE_CACHE": str(cache)}),
-    }
-    command = [*(WITHOUT_RIGHTS if os.geteuid() == 0 else ()), sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    return Run(*json.loads(done.stdout), done.stderr)
+@dataclass(frozen=True)
+class Runs:
+    """Runs code in processes of their own that obey permissions."""
+
+    server: subprocess.Popen[str]
+    folder: Path
+
+    def __call__(self, project: Path, home: Path | None, cache: Path | None, code: str = CALLS) -> Run:
+        """Call both kernels; ``HOME`` and the named cache may be missing."""
+        asked = {
+            "environment": {
+                "PATH": os.environ["PATH"],
+                **({} if home is None else {"HOME": str(home)}),
+                **({} if cache is None else {"CASEDRAIN_COMPILE_CACHE": str(cache)}),
+            },
+            "folder": str(project),
+            "code": code,
+            "output": str(self.folder / "output"),
+            "complaints": str(self.folder / "complaints"),
+        }
+        assert self.server.stdin is not None
+        assert self.server.stdout is not None
+        self.server.stdin.write(json.dumps(asked) + "\n")
+        self.server.stdin.flush()
+        status = self.server.stdout.readline().strip()
+        complaints = (self.folder / "complaints").read_text()
+        assert status == "0", complaints
+        assert "Traceback" not in complaints
+        return Run(*json.loads((self.folder / "output").read_text()), complaints)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
+    if os.geteuid() == 0 and shutil.which("setpriv") is None:
+        pytest.skip("root obeys no permissions, and setpriv is not here to give its rights up")
+    command = [*(WITHOUT_RIGHTS if os.geteuid() == 0 else ()), sys.executable, "-B", "-c", SERVER]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as server:
+        yield Runs(server, tmp_path_factory.mktemp("runs"))
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -107,14 +158,8 @@ def locked(folder: Path) -> Path:
     return folder
 
 
-@pytest.fixture(autouse=True, scope="module")
-def _permissions_are_obeyed() -> None:
-    if os.geteuid() == 0 and shutil.which("setpriv") is None:
-        pytest.skip("root obeys no permissions, and setpriv is not here to give its rights up")
-
-
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def made(run: Runs, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A package, and the cache that its first run filled."""
     project = package(tmp_path_factory.mktemp("project"))
     cache = tmp_path_factory.mktemp("cache")
@@ -124,7 +169,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 
 @pytest.fixture
-def filled(made: tuple[Path, Path], tmp_path: Path) -> Iterator[Path]:
+def filled(run: Runs, made: tuple[Path, Path], tmp_path: Path) -> Iterator[Path]:
     """A copy of the filled cache, for a test to spoil."""
     folder = tmp_path / "filled"
     shutil.copytree(made[1], folder)
@@ -140,7 +185,9 @@ def home(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_filled_cache_that_cannot_be_written_is_used(made: tuple[Path, Path], filled: Path, home: Path) -> None:
+def test_a_filled_cache_that_cannot_be_written_is_used(
+    run: Runs, made: tuple[Path, Path], filled: Path, home: Path
+) -> None:
     before = files(locked(filled))
     found = run(made[0], home, filled)
     assert found == ([7.0, 6.0], 2, 0, "")
@@ -148,7 +195,9 @@ def test_a_filled_cache_that_cannot_be_written_is_used(made: tuple[Path, Path], 
     assert list(home.rglob("*")) == []
 
 
-def test_a_cache_that_cannot_be_filled_is_said_once(made: tuple[Path, Path], tmp_path: Path, home: Path) -> None:
+def test_a_cache_that_cannot_be_filled_is_said_once(
+    run: Runs, made: tuple[Path, Path], tmp_path: Path, home: Path
+) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()
     found = run(made[0], home, locked(empty))
@@ -161,7 +210,7 @@ def test_a_cache_that_cannot_be_filled_is_said_once(made: tuple[Path, Path], tmp
 
 @pytest.mark.parametrize("unknown", [True, False], ids=["no home", "a home that cannot be written"])
 def test_without_a_home_it_works_and_says_so_once(
-    unknown: bool, made: tuple[Path, Path], filled: Path, home: Path
+    run: Runs, unknown: bool, made: tuple[Path, Path], filled: Path, home: Path
 ) -> None:
     place, code = (None, NOBODY + CALLS) if unknown else (locked(home), CALLS)
     lost = run(made[0], place, None, code)
@@ -172,14 +221,14 @@ def test_without_a_home_it_works_and_says_so_once(
     assert run(made[0], place, locked(filled), code) == ([7.0, 6.0], 2, 0, "")
 
 
-def test_a_caller_notices_an_edit_of_what_it_calls(filled: Path, tmp_path: Path, home: Path) -> None:
+def test_a_caller_notices_an_edit_of_what_it_calls(run: Runs, filled: Path, tmp_path: Path, home: Path) -> None:
     project = package(tmp_path / "project")
     lower = project / "twin" / "lower.py"
     lower.write_text(LOWER.replace("FACTOR = 2.0", "FACTOR = 2.5"))
     assert run(project, home, filled)[:3] == ([8.5, 7.5], 0, 2)
 
 
-def test_words_and_another_folder_cost_nothing(filled: Path, tmp_path: Path, home: Path) -> None:
+def test_words_and_another_folder_cost_nothing(run: Runs, filled: Path, tmp_path: Path, home: Path) -> None:
     project = package(tmp_path / "elsewhere")
     lower = project / "twin" / "lower.py"
     lower.write_text(LOWER.replace("Say it.", "Say it\n    at length.").replace("2.0", "2.0  # doubled\n\n"))
@@ -199,7 +248,7 @@ def test_words_and_another_folder_cost_nothing(filled: Path, tmp_path: Path, hom
     ids=["a truncated index", "an empty index", "garbage", "truncated code"],
 )
 def test_a_spoilt_cache_is_as_good_as_none_and_is_mended(
-    kind: str, spoilt: Callable[[bytes], bytes], made: tuple[Path, Path], filled: Path, home: Path
+    kind: str, spoilt: Callable[[bytes], bytes], run: Runs, made: tuple[Path, Path], filled: Path, home: Path
 ) -> None:
     touched = sorted(filled.rglob(f"*.{kind}"))
     assert len(touched) == 2
@@ -209,7 +258,9 @@ def test_a_spoilt_cache_is_as_good_as_none_and_is_mended(
     assert run(made[0], home, filled) == ([7.0, 6.0], 2, 0, "")
 
 
-def test_a_spoilt_cache_that_cannot_be_mended_is_said_once(made: tuple[Path, Path], filled: Path, home: Path) -> None:
+def test_a_spoilt_cache_that_cannot_be_mended_is_said_once(
+    run: Runs, made: tuple[Path, Path], filled: Path, home: Path
+) -> None:
     for file in filled.rglob("*.nbi"):
         file.write_bytes(b"garbage")
     found = run(made[0], home, locked(filled))
