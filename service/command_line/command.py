@@ -5,14 +5,21 @@ from typing import Any
 
 from typer.core import TyperCommand
 
+from service.command_line.console import failure
+
 
 class Command(TyperCommand):
-    """Sets the logs up before it runs."""
+    """Sets the logs up before it runs; a folder that cannot be written or a full disk is said in one line."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
         _set_logs_up()
-        return super().invoke(ctx)
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:  # nobody reads on: no fault
+            raise
+        except OSError as error:
+            raise failure(str(error)) from None
 
 
 def _set_logs_up() -> None:

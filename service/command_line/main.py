@@ -44,10 +44,10 @@ def main(
         if as_json:
             say_json(software().to_json())
         else:
-            say(in_words())
+            typer.echo(in_words())
         raise typer.Exit
     if context.invoked_subcommand is None:
-        say(context.get_help())
+        typer.echo(context.get_help())
         raise typer.Exit
 
 
@@ -171,7 +171,7 @@ def upload(
     rows: list[dict[str, Any]] = []
     to = listener(json_)
     with Client(url, key) as client:
-        for path in track(files, "uploading", console=complaints, transient=True):
+        for path in track(files, "uploading", console=complaints(), transient=True):
             try:
                 answer = client.upload(path.read_bytes(), content_type_of(path), mapping=mapping)
             except RefusedError as error:
@@ -222,7 +222,7 @@ def reprocess(
         "twin_version": twin_version,
     }
     try:
-        with Client(url, key) as client, Progress(console=complaints, transient=True) as bar:
+        with Client(url, key) as client, Progress(console=complaints(), transient=True) as bar:
             task = bar.add_task("reprocessing", total=None)
             job = client.start_job("reprocess", parameters, operator)
             job = client.finished_job(
@@ -241,7 +241,7 @@ def reprocess(
             problem = item["problem"]
             why = problem["detail"] if problem else "no reason given"
             left = f"{item['pump']} ({item['operator']}): left as it was, {why}"
-            say(left, to=complaints)
+            say(left, to=complaints())
             continue
         words = f"{item['pump']} ({item['operator']}): {item['changed']} of {item['records']} verdicts differ"
         say(f"{words}; {item['state_before']} -> {item['state_after']}", to=to)
