@@ -8,11 +8,12 @@ import typer
 
 from service.command_line.administration import db_app, keys_app, users_app
 from service.command_line.analysed import analysed_pump, refusal, safe_name, show_pump, show_refusal
-from service.command_line.command import Command
+from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
 from service.command_line.studies import app as studies
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     help="Condition monitoring of hydraulic pumps.",
     pretty_exceptions_enable=False,
@@ -39,12 +40,7 @@ def main(
 ) -> None:
     """Condition monitoring of hydraulic pumps."""
     if version:
-        from service.identity import in_words, software  # noqa: PLC0415 - only here is git asked and code hashed
-
-        if as_json:
-            say_json(software().to_json())
-        else:
-            typer.echo(in_words())
+        tell_version(as_json)
         raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
