@@ -8,8 +8,12 @@ COPY detectors detectors
 COPY service service
 COPY migrations migrations
 RUN python3 -m venv /opt/casedrain && /opt/casedrain/bin/pip install --no-cache-dir .
-# compiled once here, so that no start and no request pays for it
-ENV CASEDRAIN_COMPILE_CACHE=/opt/casedrain/cache
+# Compiled once here, so that no start and no request pays for it. Numba keys compiled code by the processor's name and
+# would compile again on another kind than the build ran on, at every start: so it is written for any of the architecture.
+# An image for one kind: --build-arg CPU=znver3 (a name of LLVM's); it then starts slowly elsewhere but not wrongly.
+ARG CPU=generic
+ENV CASEDRAIN_COMPILE_CACHE=/opt/casedrain/cache \
+    NUMBA_CPU_NAME=${CPU}
 RUN cd / && /opt/casedrain/bin/python -m detectors.warm_up
 
 ARG BASE_IMAGE=python:3.12-slim
@@ -23,6 +27,8 @@ ENV PATH=/opt/casedrain/bin:$PATH \
     CASEDRAIN_AUTH=on \
     MPLCONFIGDIR=/tmp/matplotlib
 USER casedrain
+ARG CPU=generic
+ENV NUMBA_CPU_NAME=${CPU}
 # docker build --build-arg COMMIT=$(git rev-parse HEAD): what verdicts and /readyz say that they were made by
 ARG COMMIT=
 ENV CASEDRAIN_COMMIT=${COMMIT}

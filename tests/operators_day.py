@@ -19,6 +19,8 @@ DOCUMENT = ROOT / "docs" / "api.md"
 _BLOCK = re.compile(r"^```console\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _WRITTEN_PORT = "8000"
 _END = "---end-of-command---"
+COMPILE_CACHE = "CASEDRAIN_COMPILE_CACHE"
+"""The one setting of ours that a reader's shell keeps: where kernels lie changes no output."""
 _LONGEST_S = 120.0
 """The first start on a machine compiles the twin."""
 _SECRETS_AND_IDS = (
@@ -90,7 +92,7 @@ def outputs(blocks: list[list[Step]], folder: Path) -> Iterator[str]:
     shim = programs / "casedrain"
     shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "from service.command_line.main import app; app()" "$@"\n')
     shim.chmod(0o755)
-    kept = {k: v for k, v in os.environ.items() if not k.startswith("CASEDRAIN_")}
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("CASEDRAIN_") or k == COMPILE_CACHE}
     environment = kept | {
         "PATH": f"{programs}:{Path(sys.executable).parent}:{os.environ['PATH']}",
         "PYTHONPATH": str(ROOT),

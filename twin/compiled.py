@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import numba
 import platformdirs
-from numba.core import caching
+from numba.core import caching, sigutils
 
 from twin.sources import sources_hash
 
@@ -27,6 +27,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 numba_version: str = numba.__version__
 
 log = logging.getLogger("casedrain")
+_said: list[str] = []
+"""Why kernels are not kept: said once, for every kernel lies in the same place."""
 
 
 def cache_folder(module: str) -> Path | None:
@@ -42,11 +44,9 @@ def compiled(function: F) -> F:
     infinity instead of raising: kernels return a status, the typed shell above them writes the message.
     """
     dispatcher = numba.njit(error_model="numpy", nogil=True)(function)
-    folder = cache_folder(function.__module__)
-    if folder is None:
-        _say_unkept("there is no home folder")
-    elif not numba.config.DISABLE_JIT:
-        dispatcher._cache = _KernelCache(function)  # what numba's own `cache=True` sets
+    if not numba.config.DISABLE_JIT:
+        kept = cache_folder(function.__module__) is not None
+        dispatcher._cache = _KernelCache(function) if kept else _NoCache()  # what numba's own `cache=True` sets
     return dispatcher  # type: ignore[no-any-return]
 
 
@@ -83,29 +83,48 @@ class _KernelCacheFiles(caching.CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class _KernelCache(caching.Cache):  # type: ignore[misc]
-    """numba's cache of one function, which reads where it cannot write."""
+    """numba's cache of one function, which reads where it cannot write and outlives what another left half written."""
 
     _impl_class = _KernelCacheFiles
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
-            return super().load_overload(sig, target_context)
-        except OSError:  # unreadable: as if it were not there
+            found = super().load_overload(sig, target_context)
+        except Exception:  # unreadable or no index at all: as if it were not there
             return None
+        # two processes that compile at once may name the same file for two signatures
+        return found if found is not None and found.signature.args == sigutils.normalize_signature(sig)[0] else None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         try:
-            super().save_overload(sig, data)
+            self._save(sig, data)
         except OSError as error:
             _say_unkept(f"{_base()} cannot be written ({error.strerror or error})")
+
+    def _save(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        except OSError:
+            raise
+        except Exception:  # the index that stands there is none: begin it anew
+            self.flush()
+            super().save_overload(sig, data)
+
+
+class _NoCache(caching.NullCache):  # type: ignore[misc]
+    """Where no folder is known for compiled code."""
+
+    def save_overload(self, sig: Any, cres: Any) -> None:
+        _say_unkept("there is no home folder")
 
 
 def _base() -> Path | None:
     named = os.environ.get("CASEDRAIN_COMPILE_CACHE")
     try:
-        return Path(named or platformdirs.user_cache_dir("casedrain")) / "compiled"
+        folder = Path(named or platformdirs.user_cache_dir("casedrain"))
     except RuntimeError:  # no home folder can be told
         return None
+    return folder / "compiled" if named or folder.is_absolute() else None
 
 
 @functools.cache
@@ -113,8 +132,10 @@ def _key(module: str) -> str:
     return f"{sources_hash(module)}-numba{numba_version}"
 
 
-@functools.cache
 def _say_unkept(why: str) -> None:
+    if _said:
+        return
+    _said.append(why)
     log.warning(
         "compiled kernels are not kept, every start compiles them again (about 100 s): %s; "
         "set CASEDRAIN_COMPILE_CACHE to a folder that can be written",

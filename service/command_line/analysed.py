@@ -3,18 +3,19 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.table import Table
-
 from service.command_line.console import say, shown
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from service.errors import Problem
     from service.studies.offline import AnalysedPump
 
 _SHOWN = ("case_pressure_bar", "discharge_pressure_bar")
 _SIGMAS_90 = 1.645
 """Half of a normal distribution's central 90 %, in standard deviations."""
+_LONGEST_NAME = 60
+"""Characters: at four bytes they leave room in the 255 of a file's name."""
 
 
 def analysed_pump(pump: "AnalysedPump") -> dict[str, Any]:
@@ -49,8 +50,10 @@ def analysed_pump(pump: "AnalysedPump") -> dict[str, Any]:
     return {"serial": pump.serial, "verdict": said, "files": files}
 
 
-def show_pump(answer: dict[str, Any], to: Console) -> None:
+def show_pump(answer: dict[str, Any], to: "Console") -> None:
     """Print a pump's answer as a table and its verdict in words."""
+    from rich.table import Table  # noqa: PLC0415 - slow, and no help needs it
+
     table = Table(title=f"Pump {shown(answer['serial'])}")
     for heading in ("file", "zero-flow window", "case residual [bar]", "discharge residual [bar]", "state"):
         table.add_column(heading)
@@ -75,7 +78,7 @@ def refusal(path: Path, problem: "Problem") -> dict[str, Any]:
     return {"file": str(path), "detail": problem.detail, "errors": errors}
 
 
-def show_refusal(path: Path, problem: "Problem", to: Console) -> None:
+def show_refusal(path: Path, problem: "Problem", to: "Console") -> None:
     """Print why a file was not taken."""
     say(("refused", "red"), f" {path}: {problem.detail}", to=to)
     for fault in problem.errors:
@@ -84,4 +87,4 @@ def show_refusal(path: Path, problem: "Problem", to: Console) -> None:
 
 def safe_name(name: str) -> str:
     """A serial number as the name of a file."""
-    return "".join(c if c.isalnum() or c in "-_." else "_" for c in name).lstrip(".") or "pump"
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in name).lstrip(".")[:_LONGEST_NAME] or "pump"

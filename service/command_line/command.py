@@ -1,18 +1,47 @@
-"""A command: logs go to the error stream as soon as one runs, and are not loaded for its help."""
+"""Commands: logs go to the error stream as soon as one runs, and are not loaded for its help."""
 
 import sys
 from typing import Any
 
-from typer.core import TyperCommand
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from service.command_line.console import failure, say_json
+
+
+class Commands(TyperGroup):
+    """All commands; the version is told before options are read, which loads more than it needs."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take the options before the command."""
+        if "--version" in args and set(args) <= {"--version", "--json"}:
+            tell_version("--json" in args)
+            ctx.exit()
+        return super().parse_args(ctx, args)
+
+
+def tell_version(as_json: bool) -> None:
+    """Print release and commit; as JSON also the hash over the sources."""
+    from service.identity import in_words, software  # noqa: PLC0415 - only here is git asked and code hashed
+
+    if as_json:
+        say_json(software().to_json())
+    else:
+        typer.echo(in_words())
 
 
 class Command(TyperCommand):
-    """Sets the logs up before it runs."""
+    """Sets the logs up before it runs; a folder that cannot be written or a full disk is said in one line."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
         _set_logs_up()
-        return super().invoke(ctx)
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:  # nobody reads on: no fault
+            raise
+        except OSError as error:
+            raise failure(str(error)) from None
 
 
 def _set_logs_up() -> None:

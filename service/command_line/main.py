@@ -8,11 +8,12 @@ import typer
 
 from service.command_line.administration import db_app, keys_app, users_app
 from service.command_line.analysed import analysed_pump, refusal, safe_name, show_pump, show_refusal
-from service.command_line.command import Command
+from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
 from service.command_line.studies import app as studies
 
 app = typer.Typer(
+    cls=Commands,
     no_args_is_help=True,
     help="Condition monitoring of hydraulic pumps.",
     pretty_exceptions_enable=False,
@@ -39,15 +40,10 @@ def main(
 ) -> None:
     """Condition monitoring of hydraulic pumps."""
     if version:
-        from service.identity import in_words, software  # noqa: PLC0415 - only here is git asked and code hashed
-
-        if as_json:
-            say_json(software().to_json())
-        else:
-            say(in_words())
+        tell_version(as_json)
         raise typer.Exit
     if context.invoked_subcommand is None:
-        say(context.get_help())
+        typer.echo(context.get_help())
         raise typer.Exit
 
 
@@ -171,7 +167,7 @@ def upload(
     rows: list[dict[str, Any]] = []
     to = listener(json_)
     with Client(url, key) as client:
-        for path in track(files, "uploading", console=complaints, transient=True):
+        for path in track(files, "uploading", console=complaints(), transient=True):
             try:
                 answer = client.upload(path.read_bytes(), content_type_of(path), mapping=mapping)
             except RefusedError as error:
@@ -222,7 +218,7 @@ def reprocess(
         "twin_version": twin_version,
     }
     try:
-        with Client(url, key) as client, Progress(console=complaints, transient=True) as bar:
+        with Client(url, key) as client, Progress(console=complaints(), transient=True) as bar:
             task = bar.add_task("reprocessing", total=None)
             job = client.start_job("reprocess", parameters, operator)
             job = client.finished_job(
@@ -241,7 +237,7 @@ def reprocess(
             problem = item["problem"]
             why = problem["detail"] if problem else "no reason given"
             left = f"{item['pump']} ({item['operator']}): left as it was, {why}"
-            say(left, to=complaints)
+            say(left, to=complaints())
             continue
         words = f"{item['pump']} ({item['operator']}): {item['changed']} of {item['records']} verdicts differ"
         say(f"{words}; {item['state_before']} -> {item['state_after']}", to=to)

@@ -3,13 +3,15 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from service.command_line.command import Command
 from service.command_line.console import STANDARD_OUTPUT, Json, complaints, failure, listener, say, say_json
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 app = typer.Typer(rich_markup_mode=None)
 
@@ -36,7 +38,7 @@ def simulate(
 
     try:
         file, kind = asked(scenario, output, picture, pump, circuit, sensors)
-        with Progress(console=complaints, transient=True) as bar:
+        with Progress(console=complaints(), transient=True) as bar:
             task = bar.add_task("simulating", total=1.0)
             outcome = run_file(
                 file, kind, circuit, sensors, seed, output, picture, lambda share: bar.update(task, completed=share)
@@ -159,7 +161,7 @@ def validate(
     if unknown:
         raise failure(f"no comparison {', '.join(unknown)}; known: {', '.join(EVIDENCE)}")
     names = [name for name in EVIDENCE if not only or name in only]
-    found = {name: EVIDENCE[name]() for name in track(names, "comparing", console=complaints, transient=True)}
+    found = {name: EVIDENCE[name]() for name in track(names, "comparing", console=complaints(), transient=True)}
     counts = counts_of(found)
     to = _listener(json_)
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -264,7 +266,7 @@ def evaluate(
     try:
         study = sized(rows or (), pumps, healthy_records, seed, quick=quick)
         file = None if _is_output(json_) else json_
-        results = evaluated(study, Outputs(file, html, resume), workers or available_cores(), complaints)
+        results = evaluated(study, Outputs(file, html, resume), workers or available_cores(), complaints())
     except StudyFaultsError as error:
         raise failure("\n  ".join(error.faults), 2) from None
     except (RuntimeError, OSError) as error:
@@ -288,7 +290,7 @@ def _is_output(path: Path | None) -> bool:
     return path is not None and str(path) == STANDARD_OUTPUT
 
 
-def _listener(path: Path | None) -> Console:
+def _listener(path: Path | None) -> "Console":
     return listener(_is_output(path))
 
 

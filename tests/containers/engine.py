@@ -46,22 +46,22 @@ class Engine:
 
     environment: Mapping[str, str]
 
-    def docker(self, *words: str, check: bool = True) -> str:
-        """Run the docker client and return what it printed."""
-        return self._run(["/usr/bin/docker", *words], check)
+    def docker(self, *words: str, check: bool = True, streams: str = "output") -> str:
+        """Run the docker client and return what it printed; with ``both`` streams its complaints too."""
+        return self._run(["/usr/bin/docker", *words], check, streams)
 
     def compose(self, *words: str, check: bool = True) -> str:
         """Run docker-compose with the project's files and return what it printed."""
         files = ["-f", "docker-compose.yml", "-f", "docker-compose.ci.yml", "-p", "casedrain-test"]
         return self._run(["/usr/bin/docker-compose", *files, *words], check)
 
-    def _run(self, command: list[str], check: bool) -> str:
+    def _run(self, command: list[str], check: bool, streams: str = "output") -> str:
         done = subprocess.run(
             command, cwd=ROOT, env=dict(self.environment), capture_output=True, text=True, check=False
         )
         if check and done.returncode != 0:
             raise AssertionError(f"{' '.join(command)} failed:\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
-        return done.stdout
+        return done.stdout + (done.stderr if streams == "both" else "")
 
 
 def probe() -> None:

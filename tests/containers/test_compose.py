@@ -1,5 +1,6 @@
 """The image and the compose file on a real engine: start, auth, the demo's fleet, restarts."""
 
+import json
 import os
 import time
 from collections.abc import Iterator
@@ -13,6 +14,20 @@ from tests.containers.engine import CannotRunHereError, Engine, engine, probe
 
 ADDRESS = "http://127.0.0.1:18000"
 N_FLIGHTS = 40
+IMAGE = "casedrain:latest"
+SEALED = ("--read-only", "--tmpfs", "/tmp", "--cap-drop", "ALL")
+KERNELS = """
+import gc, json
+from numba.core.registry import cpu_target
+import detectors.warm_up
+detectors.warm_up.warm_up()
+stats = [k.stats for k in gc.get_objects() if hasattr(type(k), "nopython_signatures") and k.stats.cache_path]
+hits = sum(sum(s.cache_hits.values()) for s in stats)
+misses = [f"{s.cache_path}: {n}" for s in stats if (n := sum(s.cache_misses.values()))]
+print(json.dumps([hits, misses, cpu_target.target_context.codegen().magic_tuple()[1:]]))
+"""
+"""Kernels that the warm-up loads, those that it compiles, and the processor that they are written for."""
+READY = "import urllib.request as u; print(u.urlopen('http://127.0.0.1:8000/readyz', timeout=5).status)"
 pytestmark = [pytest.mark.containers, pytest.mark.timeout(2400)]
 
 
@@ -53,6 +68,37 @@ def wait_until_healthy(running: Engine, seconds: float = 180.0) -> None:
 
 def test_runs_as_nobody_special(running: Engine) -> None:
     assert running.compose("exec", "-T", "api", "id", "-u").strip() == "10001"
+
+
+def test_read_only_and_as_its_user_it_compiles_nothing(running: Engine) -> None:
+    hits, misses, processor = json.loads(running.docker("run", "--rm", *SEALED, IMAGE, "python", "-c", KERNELS))
+    assert hits > 50
+    assert misses == []
+    assert processor == ["generic", ""]  # or another machine would compile them again
+
+
+def test_read_only_and_on_a_volume_it_gets_ready(running: Engine) -> None:
+    container = running.docker("run", "-d", *SEALED, "-v", "casedrain-test-sealed:/var/lib/casedrain", IMAGE).strip()
+    try:
+        assert ready_in(running, container) is True
+        said = running.docker("logs", container, streams="both")
+        assert "compiled kernels are not kept" not in said
+        assert "Traceback" not in said
+    finally:
+        running.docker("rm", "-f", "-v", container, check=False)
+        running.docker("volume", "rm", "casedrain-test-sealed", check=False)
+
+
+def ready_in(running: Engine, container: str, seconds: float = 60.0) -> bool:
+    """Whether ``/readyz`` in a container answers with 200 in a time that leaves no room for compiling."""
+    give_up = time.monotonic() + seconds
+    while time.monotonic() < give_up:
+        if running.docker("exec", container, "python", "-c", READY, check=False).strip() == "200":
+            return True
+        time.sleep(0.5)
+    raise AssertionError(
+        f"not ready:\n{running.docker('logs', '--tail', '60', container, streams='both', check=False)}"
+    )
 
 
 def test_without_a_key_nothing_is_told(running: Engine) -> None:
