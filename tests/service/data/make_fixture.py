@@ -9,7 +9,6 @@ threshold, and packs database, raw files and answers.
 """
 
 import json
-import lzma
 import os
 import socket
 import sqlite3
@@ -112,10 +111,12 @@ def sent(api: httpx2.Client, method: str, path: str, **request: Any) -> dict[str
 
 
 def paged(api: httpx2.Client, path: str) -> list[dict[str, Any]]:
-    items, cursor = [], ""
+    items: list[dict[str, Any]] = []
+    cursor: str | None = ""
     while cursor is not None:
         page = sent(api, "GET", path, params={"cursor": cursor} if cursor else {})
-        items, cursor = items + page["items"], page["next"]
+        items += page["items"]
+        cursor = page["next"]
     return items
 
 
@@ -146,7 +147,7 @@ def main(target: Path, command: list[str]) -> None:
             database.execute("DELETE FROM fold_snapshots WHERE id > (SELECT min(id) FROM fold_snapshots)")
             database.execute("VACUUM")
         target.parent.mkdir(parents=True, exist_ok=True)
-        with tarfile.open(target, "w:xz", preset=9 | lzma.PRESET_EXTREME) as packed:
+        with tarfile.open(target, "w:xz", preset=9) as packed:
             for part in ("answers.json", "casedrain.sqlite", "raw"):
                 packed.add(folder / "data" / part, part)
 
