@@ -249,7 +249,7 @@ import sys, time
 from datetime import timedelta
 from pathlib import Path
 import structlog
-from service.app import opened
+from service.running import opened
 from service.jobs import engine, requests, store
 from service.settings import Settings
 structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(50))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fastapi.testclient import TestClient
 
-from service.app import create_app
+from service.web.app import create_app
 from service.demo.fleet import PUMPS, pump_records
 from service.settings import Settings
 
