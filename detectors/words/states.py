@@ -72,3 +72,8 @@ FAULTS: tuple[State, ...] = tuple(s for s in State if SIDE_OF[s] in (Side.PUMP, 
 """States that compete with ``healthy`` by evidence."""
 BY_URGENCY: tuple[State, ...] = tuple(sorted(STATES, key=lambda state: STATES[state].urgency))
 """From the most to the least urgent."""
+
+
+def row_of(word: str) -> StateRow:
+    """Row of a state by its word; one that another release knows and this one does not is taken as ``indeterminate``."""
+    return STATES[State(word)] if word in set(State) else STATES[State.INDETERMINATE]

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
-from detectors.words.states import QUIET, STATES, State
+from detectors.words.states import QUIET, State, row_of
 from service.answers.alarms import AlarmEvent
 
 PRIORITIES: tuple[str, ...] = ("low", "medium", "high", "critical")
@@ -164,7 +164,7 @@ def priority_of(state: str, beyond_limit: bool) -> str:
     """Priority of a verdict's state."""
     if beyond_limit:
         return "critical"
-    return STATES[State(state)].priority or PRIORITIES[0]
+    return row_of(state).priority or PRIORITIES[0]
 
 
 def _raised(first: Point, point: Point, beyond: bool) -> Life:

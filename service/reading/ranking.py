@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from detectors.words.states import QUIET, STATES, State
+from detectors.words.states import QUIET, row_of
 from service.alarms.life_cycle import PRIORITIES
 from service.alarms.reading import is_shelved
 from service.answers import pumps as answers
@@ -19,7 +19,7 @@ from service.thresholds.layers import thresholds_of
 
 def by_state(pump: answers.Pump) -> tuple[Any, ...]:
     """Sorting key of a pump as the API shows it, by its state alone."""
-    return STATES[State(pump["state"])].urgency, -pump["confidence"], pump["operator"], pump["serial"]
+    return row_of(pump["state"]).urgency, -pump["confidence"], pump["operator"], pump["serial"]
 
 
 def ranked(session: Session, rows: Sequence[Pump], shown: Sequence[answers.Pump]) -> list[answers.RankedPump]:

@@ -83,7 +83,7 @@ def document(*words: str, code: int = 0) -> Any:
     """The one document on standard output, which has the shape that the command's help states."""
     ran = run(*words, code=code)
     found = json.loads(ran.stdout, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
-    command = [w for w in words[:2] if w.replace("-", "").isalpha()]
+    command = [w for w in words[:2] if w[0] != "-" and w.replace("-", "").isalpha()]
     stated = stated_shape(run(*command, "--help").stdout)
     if stated is not None:
         assert_shape(found, stated)
