@@ -72,7 +72,7 @@ def test_runs_as_nobody_special(running: Engine) -> None:
 
 def test_read_only_and_as_its_user_it_compiles_nothing(running: Engine) -> None:
     hits, misses, processor = json.loads(running.docker("run", "--rm", *SEALED, IMAGE, "python", "-c", KERNELS))
-    assert hits > 50
+    assert hits > 15  # kernels that Python calls; the others are linked into them
     assert misses == []
     assert processor == ["generic", ""]  # or another machine would compile them again
 
