@@ -228,7 +228,7 @@ class Bank:
         settled = self.records == ARRIVAL_RECORDS and evidence[0] >= evidence.max() - _LEVEL_EVIDENCE
         # half a bar of unknown reservoir pressure is as much as a worn pump makes: where it was never measured nobody
         # can say
-        if settled or not (self.reservoir_measured or self.reservoir_seen):
+        if settled or not self.reservoir_seen:
             self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
 
     def _accept(self) -> None:
@@ -246,13 +246,7 @@ class Bank:
         rivals = np.flatnonzero(filters.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
         if filters.log_evidence[likeliest] < filters.log_evidence[rivals].max() + _BEYOND_DOUBT:
             return
-        into = np.eye(N_STATE)
-        for name, share in FAULT_KINDS[filters.kind[likeliest]].moves:
-            into[PLACE[name], AMPLITUDE] = share
-        into[AMPLITUDE] = into[RATE] = 0.0
-        filters.mean[0] = into @ filters.mean[likeliest]
-        filters.covariance[0] = into @ filters.covariance[likeliest] @ into.T
-        filters.log_evidence[0] = filters.log_evidence[likeliest]
+        self._take_over(likeliest, FAULT_KINDS[filters.kind[likeliest]].moves)
         self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
         self._rebase()
 
@@ -370,9 +364,11 @@ class Bank:
             elif PLACE[name] < N_STATE:
                 self._free(PLACE[name], mean[PLACE[name]], sd[PLACE[name]])
 
-    def _take_over(self, row: int) -> None:
-        """Let the healthy pump go on from where a fault's filter stands, without the fault."""
+    def _take_over(self, row: int, moves: tuple[tuple[str, float], ...] = ()) -> None:
+        """Let the healthy pump go on from where a filter stands: ``moves`` stay moved, the amplitude ends."""
         filters, into = self.filters, np.eye(N_STATE)
+        for name, share in moves:
+            into[PLACE[name], AMPLITUDE] = share
         into[AMPLITUDE] = into[RATE] = 0.0
         filters.mean[0] = into @ filters.mean[row]
         filters.covariance[0] = into @ filters.covariance[row] @ into.T
