@@ -50,8 +50,7 @@ def doubt(observation: Observation, residuals: Mapping[str, Residual], pump: Pum
         return Doubt(CASE, why, (State.DRAIN_RESTRICTION, State.SENSOR_FAULT))
     # from standstill to 175 bar and back: two values are no measurement
     if discharge is not None and discharge.samples >= _LEAST_SAMPLES:
-        stuck = discharge.running <= _TOGGLING and (discharge.at_rest > _TOGGLING or discharge.at_rest > 0)
-        if stuck and not residuals:
+        if discharge.running <= _TOGGLING and discharge.at_rest > 0 and not residuals:
             return Doubt(DISCHARGE, "does not move while the pump runs")
     if case is not None and case.samples >= _LEAST_SAMPLES and case.running <= _TOGGLING < case.at_rest:
         return Doubt(CASE, "does not move while the pump runs, and does at rest")
