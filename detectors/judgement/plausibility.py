@@ -49,9 +49,14 @@ def doubt(observation: Observation, residuals: Mapping[str, Residual], pump: Pum
         why = f"stands at its full scale of {full_scale:g} bar: the pressure is at least that, or the sensor is wrong"
         return Doubt(CASE, why, (State.DRAIN_RESTRICTION, State.SENSOR_FAULT))
     # from standstill to 175 bar and back: two values are no measurement
-    if discharge is not None and discharge.samples >= _LEAST_SAMPLES:
-        if discharge.running <= _TOGGLING and discharge.at_rest > 0 and not residuals:
-            return Doubt(DISCHARGE, "does not move while the pump runs")
+    if (
+        not residuals
+        and discharge is not None
+        and discharge.samples >= _LEAST_SAMPLES
+        and discharge.running <= _TOGGLING
+        and discharge.at_rest > 0
+    ):
+        return Doubt(DISCHARGE, "does not move while the pump runs")
     if case is not None and case.samples >= _LEAST_SAMPLES and case.running <= _TOGGLING < case.at_rest:
         return Doubt(CASE, "does not move while the pump runs, and does at rest")
     return _reads_its_reference(observation, residuals, pump)
