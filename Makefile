@@ -33,7 +33,7 @@ demo: $(VENV)/.installed ## simulate a small fleet, upload it, show verdicts, ke
 
 test: $(VENV)/.installed ## run every test but studies and the containerised one
 	@"$(BIN)/python" -m detectors.warm_up
-	@"$(BIN)/python" -m pytest -n 2 --dist worksteal -m "not containers and not study" $(PYTEST_ARGS)
+	@"$(BIN)/python" -m pytest -n 3 --dist worksteal -m "not containers and not study" $(PYTEST_ARGS)
 
 test-fast: $(VENV)/.installed ## run a selection that enters every room, in a minute
 	@"$(BIN)/python" -m detectors.warm_up

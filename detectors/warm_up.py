@@ -1,5 +1,7 @@
 """Compile every kernel of twin and detectors once, so that no request and no test pays for it."""
 
+import subprocess
+import sys
 from datetime import UTC, datetime, timedelta
 from functools import cache
 
@@ -10,6 +12,8 @@ from detectors.judgement.assessment import assess
 from detectors.judgement.snapshot import judge_version
 from detectors.words.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
 from detectors.words.thresholds import effective
+from twin.condition import Condition
+from twin.operating_point import operating_point
 from twin.pumps import circuit_parameters, pump_type
 
 _RECORDS = 13
@@ -20,6 +24,10 @@ _RECORDS = 13
 def warm_up() -> None:
     """Load or build the compiled code: operating point, transient pump, order surfaces, bank (minutes the first time)."""
     twin.warm_up.warm_up()
+    _judge()
+
+
+def _judge() -> None:
     judge_version()  # reads the sources
     pump, circuit = pump_type("h225"), circuit_parameters("shared_return")
     assess(History(tuple(_flight(i) for i in range(_RECORDS))), pump, circuit, effective({}))
@@ -40,5 +48,14 @@ def _flight(i: int) -> Observation:
     return Observation(str(i), at, "warm-up", "LH", str(i), Reduction(Zero(0.0, 0.007, measured=True), (window,), None))
 
 
+def _main() -> None:
+    """Two processes from nothing: the transient pump compiles beside the judge and the operating point."""
+    with subprocess.Popen([sys.executable, "-m", "twin.warm_up"]) as beside:
+        operating_point(pump_type("h225").pump, Condition(4600.0, 50.0), circuit_parameters("shared_return"))
+        _judge()
+    if beside.returncode:
+        raise SystemExit(beside.returncode)
+
+
 if __name__ == "__main__":
-    warm_up()
+    _main()

@@ -12,12 +12,13 @@ from detectors.evaluation.rows import Row
 from detectors.evaluation.sensing import histories
 from detectors.evaluation.truth import is_worth_a_word, since_installation
 from detectors.judgement.assessment import assess
+from detectors.words.states import CAUSES, VERDICTS
 from detectors.words.verdict import ESTIMATES, FAULTS, Assessment, State
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
-STATES: tuple[State, ...] = tuple(State)
-NAMES: tuple[State, ...] = (State.HEALTHY, *FAULTS)
+STATES: tuple[State, ...] = VERDICTS
+NAMES: tuple[State, ...] = CAUSES
 """What probabilities are stated of, in their order."""
 _STATE_NUMBER = {s: i for i, s in enumerate(STATES)}
 _ROUND = 8
@@ -41,7 +42,7 @@ class Outcome:
     candidates
         Bit i set for ``FAULTS[i]``.
     probabilities
-        Healthy and ``FAULTS``, shape (n_pumps, n_records, 6).
+        Of ``CAUSES``, shape (n_pumps, n_records, 7).
     estimates
         Mean, low and high of ``ESTIMATES``, shape (n_pumps, n_records, 5, 3).
     size, leakage, case_flow
@@ -119,7 +120,7 @@ def blank(n_pumps: int, longest: int) -> Outcome:
         flight=np.full((n_pumps, longest), -1),
         state=np.full((n_pumps, longest), -1),
         candidates=np.zeros((n_pumps, longest), dtype=np.int64),
-        probabilities=np.full((n_pumps, longest, 1 + len(FAULTS)), np.nan),
+        probabilities=np.full((n_pumps, longest, len(CAUSES)), np.nan),
         estimates=np.full((n_pumps, longest, len(ESTIMATES), 3), np.nan),
         size=np.full((n_pumps, longest), np.nan),
         leakage=np.full((n_pumps, longest), np.nan),
@@ -134,7 +135,7 @@ def _write(outcome: Outcome, i: int, j: int, assessment: Assessment) -> None:
     verdict = assessment.verdict
     outcome.flight[i, j] = int(assessment.record_id)
     outcome.state[i, j] = state_number(verdict.state)
-    outcome.candidates[i, j] = sum(1 << FAULTS.index(c) for c in verdict.candidates)
+    outcome.candidates[i, j] = sum(1 << FAULTS.index(c) for c in verdict.candidates if c in FAULTS)
     outcome.probabilities[i, j] = [verdict.probabilities[s] for s in NAMES]
     for k, name in enumerate(ESTIMATES):
         e = verdict.estimates.get(name)

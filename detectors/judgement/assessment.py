@@ -19,7 +19,7 @@ from detectors.judgement.plausibility import IMPLAUSIBLE_FLIGHTS, Doubt, doubt
 from detectors.words.flights import Roles, outline_of, roles_of
 from detectors.words.numbers import Z_90
 from detectors.words.observation import History, Maintenance, Observation, Residual
-from detectors.words.verdict import FAULTS, SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
+from detectors.words.verdict import CAUSES, SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
@@ -312,7 +312,7 @@ def _implausible(found: Doubt, records: int, previous: Verdict, quality: Quality
 
 def _spread(states: tuple[State, ...]) -> dict[State, float]:
     """Probabilities where only a few states are left: equal among them, a residue for the others."""
-    others = [s for s in (State.HEALTHY, *FAULTS) if s not in states]
+    others = [s for s in CAUSES if s not in states]
     return {s: _RESIDUE / len(others) for s in others} | {s: (1.0 - _RESIDUE) / len(states) for s in states}
 
 

@@ -10,7 +10,7 @@ from detectors.bank.bank import ARRIVAL_FLOOR_LPM, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.shapes import N_MOMENTS, Array, Meaning, Sums
 from detectors.bank.summary import summed
-from detectors.words.verdict import FAULTS, SIDE_OF, Side, State
+from detectors.words.verdict import CAUSES, FAULTS, SIDE_OF, Side, State
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra", "throttled"),
@@ -94,7 +94,7 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     of_all[_COMPENSATOR] += healthy_of_all * odds
     faults[_COMPENSATOR] += healthy * odds
     posterior = _shares([healthy_of_all, *of_all])
-    probabilities = dict(zip((State.HEALTHY, *FAULTS), posterior, strict=True))
+    probabilities = dict(zip(CAUSES, [*posterior, 0.0], strict=True))
     fault = sum(faults)
     return Evidence(
         # how a pump came is a question of its own: an alarm is raised by what changed since

@@ -127,13 +127,27 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Maintenance:
-    """Something done to the pump or around it that resets what it touches.
+    """Something done to the pump or around it: it frees what it names and nothing else.
 
-    ``action`` is one of ``fluid_changed``, ``filter_changed``, ``setting_adjusted``, ``sensor_replaced``.
+    ``action`` is one of ``ACTIONS``. ``fluid`` is the product after ``fluid_changed`` and ``channel`` the sensor's after
+    ``sensor_replaced``; None where nobody said.
     """
 
     at: datetime
     action: str
+    fluid: str | None = None
+    channel: str | None = None
+
+
+ACTIONS: tuple[str, ...] = (
+    "filter_changed",
+    "drain_cleaned",
+    "fluid_changed",
+    "setting_adjusted",
+    "sensor_replaced",
+    "pump_overhauled",
+)
+"""What can be done, apart from exchanging the pump."""
 
 
 @dataclass(frozen=True, slots=True)

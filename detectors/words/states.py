@@ -19,6 +19,8 @@ class State(StrEnum):
     DRAIN_RESTRICTION = "drain_restriction"
     SENSOR_FAULT = "sensor_fault"
     INDETERMINATE = "indeterminate"
+    OTHER = "other"
+    """None of the known causes: never a verdict's state, but one of its candidates and probabilities."""
 
 
 class Side(StrEnum):
@@ -64,13 +66,18 @@ STATES: Mapping[State, StateRow] = {
     State.DRAIN_RESTRICTION: StateRow(Side.SYSTEM, "restricted drain line", "Drain restricted", "◆", 3, "high"),
     State.SENSOR_FAULT: StateRow(Side.SENSOR, "moved sensor", "Sensor moved", "■", 5, "low"),
     State.INDETERMINATE: StateRow(Side.UNKNOWN, "cannot tell yet", "Cannot tell yet", "?", 4, "medium"),
+    State.OTHER: StateRow(Side.UNKNOWN, "none of the known causes", "Unexplained", "?", 4, "medium"),
 }
 SIDE_OF: Mapping[State, Side] = {state: row.side for state, row in STATES.items()}
 QUIET: tuple[State, ...] = tuple(state for state, row in STATES.items() if row.priority is None)
 """States in which nothing is wrong as far as anybody can tell."""
 FAULTS: tuple[State, ...] = tuple(s for s in State if SIDE_OF[s] in (Side.PUMP, Side.SYSTEM, Side.SENSOR))
 """States that compete with ``healthy`` by evidence."""
-BY_URGENCY: tuple[State, ...] = tuple(sorted(STATES, key=lambda state: STATES[state].urgency))
+CAUSES: tuple[State, ...] = (State.HEALTHY, *FAULTS, State.OTHER)
+"""Explanations that share the probability, in their order."""
+VERDICTS: tuple[State, ...] = tuple(s for s in State if s is not State.OTHER)
+"""States that a verdict can be in."""
+BY_URGENCY: tuple[State, ...] = tuple(sorted(VERDICTS, key=lambda state: STATES[state].urgency))
 """From the most to the least urgent."""
 
 

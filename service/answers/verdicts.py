@@ -4,7 +4,7 @@ from typing import NotRequired
 
 from typing_extensions import TypedDict
 
-from service.answers.words import Instant, Side, State, shape
+from service.answers.words import Cause, Instant, Side, State, shape
 
 
 @shape
@@ -67,7 +67,7 @@ class Probabilities(TypedDict):
     """Probability (a share) of a restricted drain line or filter."""
     sensor_fault: float
     """Probability (a share) of a faulty sensor."""
-    other: NotRequired[float]
+    other: NotRequired[float]  # left out by what releases before 1.1 have stored
     """Probability (a share) that no known cause explains the records."""
 
 
@@ -83,6 +83,92 @@ class Quality(TypedDict):
     """`measured`, `nominal` (no sensor: the pump type's value) or `mixed`."""
     flags: list[str]
     """Remarks on the records' quality."""
+
+
+@shape
+class Fit(TypedDict):
+    """How far the leading cause explains the last records."""
+
+    records: int
+    """Records that were asked (a count)."""
+    explained: int
+    """Records among them that the leading cause explains (a count)."""
+    since: Instant | None
+    """Since when records in a row are not explained; null where the last one is."""
+
+
+@shape
+class BlindSpot(TypedDict):
+    """What this pump's channels cannot show."""
+
+    quantity: str
+    """The quantity, by its name among the estimates."""
+    below: float | None
+    """Changes below this size stay unseen, in the unit that the quantity's name ends in; null: none can be seen."""
+    because: str
+    """What is missing."""
+
+
+@shape
+class Crossing(TypedDict):
+    """Chance that the case flow at the reference condition crosses its limit before the next inspection."""
+
+    within_flight_hours: float
+    """Flight hours until the next inspection [h]."""
+    probability: float
+    """Probability (a share from 0 to 1)."""
+
+
+@shape
+class Intermittent(TypedDict):
+    """A fault that comes and goes."""
+
+    state: State
+    """The fault."""
+    records: int
+    """Records that showed it (a count)."""
+    of: int
+    """Records that were asked (a count)."""
+    since: Instant
+    """When it showed first."""
+
+
+@shape
+class Resolved(TypedDict):
+    """A fault that ended with something that was done."""
+
+    state: State
+    """The fault."""
+    action: str
+    """What was done; the actions of one day are joined by `+`."""
+    at: Instant
+    """When it was done."""
+
+
+@shape
+class MissingEvidence(TypedDict):
+    """Evidence that the history does not hold and that would decide."""
+
+    what: str
+    """What to record."""
+    records: int
+    """How many records of it (a count)."""
+    would_decide: list[Cause]
+    """Causes that it would tell apart."""
+
+
+@shape
+class CasePressure(TypedDict):
+    """The plain rule beside the judge: case over reservoir pressure on the last flight."""
+
+    over_reservoir_bar: float
+    """Measured, at zero flow [bar]; at least this where the sensor stood at its full scale."""
+    reference_bar: float
+    """What this pump's own reference says at the same condition [bar]."""
+    limit_bar: float
+    """The pump type's limit of case pressure over the reservoir [bar]."""
+    beyond: bool
+    """Twice the reference or beyond the limit: a critical alarm, whatever the cause."""
 
 
 @shape
@@ -111,8 +197,8 @@ class Verdict(TypedDict):
     """Largest of all probabilities (a share from 0 to 1)."""
     probabilities: Probabilities
     """Probability of each explanation."""
-    candidates: list[State]
-    """What remains possible where the state is `indeterminate`."""
+    candidates: list[Cause]
+    """What remains possible where the state is `indeterminate`; `other`: no known cause explains the records."""
     secondary: State | None
     """A second fault beside the first."""
     sensor: str | None
@@ -127,6 +213,22 @@ class Verdict(TypedDict):
     """What to do, in one sentence."""
     resolving_measurement: str | None
     """The measurement that would tell the candidates apart."""
+    fit: NotRequired[Fit]
+    """How far the leading cause explains the last records."""
+    blind_spots: NotRequired[list[BlindSpot]]
+    """What this pump's channels cannot show; empty when they can."""
+    probability_beyond_limit: NotRequired[float | None]
+    """Probability (a share from 0 to 1) that the case flow at the reference condition is beyond its limit; null without records."""
+    crossing: NotRequired[Crossing | None]
+    """Chance of crossing the limit before the next inspection; null where none can be given."""
+    intermittent: NotRequired[Intermittent | None]
+    """A fault that comes and goes; null where none does."""
+    resolved_by: NotRequired[Resolved | None]
+    """The last fault that ended with something that was done; null where none did."""
+    missing_evidence: NotRequired[list[MissingEvidence]]
+    """What would decide, in records that the history does not hold yet."""
+    case_pressure: NotRequired[CasePressure | None]
+    """Case pressure against its own reference and limit; null without a zero-flow window."""
     twin_version: str
     """Version of the twin, with every prior."""
     threshold_version: int

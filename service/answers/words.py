@@ -56,8 +56,12 @@ STATES = (
     "sensor_fault",
     "indeterminate",
 )
+"""What a verdict can be in."""
+CAUSES = (*(state for state in STATES if state not in ("insufficient_data", "indeterminate")), "other")
+"""What shares the probability; ``other``: no known cause."""
 SIDES = ("pump", "system", "sensor", "none", "unknown")
 State = Annotated[str, Field(json_schema_extra={"enum": list(STATES)})]
+Cause = Annotated[str, Field(json_schema_extra={"enum": list(CAUSES)})]
 Side = Annotated[str, Field(json_schema_extra={"enum": list(SIDES)})]
 Priority = Annotated[str, Field(json_schema_extra={"enum": ["low", "medium", "high", "critical"]})]
 

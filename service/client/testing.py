@@ -22,21 +22,20 @@ from service.answers.problems import Problem, ProblemError
 from service.answers.pumps import PumpWithPlace
 from service.answers.records import Record, RecordSummary
 from service.answers.verdicts import Verdict
-from service.answers.words import STATES
+from service.answers.words import CAUSES
 from service.client.requests import API_PREFIX
 
 _NEEDED = ("pump_serial", "aircraft", "position", "flight_id", "started_at")
 _METADATA = re.compile(r"^# *([a-z_]+): *(.*?)\s*$", re.MULTILINE)
 _RECEIVED = "2026-05-02T09:00:00Z"
-_COMPETING = tuple(s for s in STATES if s not in ("insufficient_data", "indeterminate"))
 
 
 def verdict_of(state: str = "insufficient_data", side: str = "unknown", confidence: float | None = None) -> Verdict:
     """A complete verdict in the shape of the API; the rest of the probability is shared alike by the other states."""
-    least = 1.0 / len(_COMPETING)
+    least = 1.0 / len(CAUSES)
     first = least if confidence is None else confidence
-    rest = (1.0 - first) / (len(_COMPETING) - 1)
-    shares = {name: first if name == state or state not in _COMPETING else rest for name in _COMPETING}
+    rest = (1.0 - first) / (len(CAUSES) - 1)
+    shares = {name: first if name == state or state not in CAUSES else rest for name in CAUSES}
     return {
         "state": state,
         "side": side,

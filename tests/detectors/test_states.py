@@ -1,6 +1,6 @@
 """The table of states is complete, and its order is one."""
 
-from detectors.words.states import BY_URGENCY, QUIET, SIDE_OF, STATES, Side
+from detectors.words.states import BY_URGENCY, CAUSES, QUIET, SIDE_OF, STATES, VERDICTS, Side
 from detectors.words.verdict import FAULTS, UNINFORMED, State
 
 
@@ -16,14 +16,14 @@ def test_words_labels_and_marks_tell_states_apart() -> None:
 
 
 def test_urgency_is_a_strict_order_that_ends_with_what_is_quiet() -> None:
-    assert sorted(row.urgency for row in STATES.values()) == list(range(len(State)))
+    assert sorted(STATES[s].urgency for s in VERDICTS) == list(range(len(VERDICTS)))
     assert set(BY_URGENCY[-len(QUIET) :]) == set(QUIET)
 
 
 def test_what_competes_with_health_is_what_has_a_side() -> None:
     assert all(SIDE_OF[f] in (Side.PUMP, Side.SYSTEM, Side.SENSOR) for f in FAULTS)
-    assert set(State) - set(FAULTS) == {*QUIET, State.INDETERMINATE}
-    assert set(UNINFORMED) == {State.HEALTHY, *FAULTS}
+    assert set(State) - set(FAULTS) == {*QUIET, State.INDETERMINATE, State.OTHER}
+    assert set(UNINFORMED) == set(CAUSES) == {State.HEALTHY, *FAULTS, State.OTHER}
 
 
 def test_nothing_quiet_raises_an_alarm() -> None:

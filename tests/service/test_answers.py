@@ -10,7 +10,9 @@ from unittest import mock
 import pytest
 from fastapi.testclient import TestClient
 
-from detectors.words.verdict import ESTIMATES, FAULTS, Side, State
+from detectors.words.states import CAUSES, VERDICTS
+from detectors.words.verdict import ESTIMATES, Side
+from service.answers import words
 from service.answers.verdicts import Detectable, Estimates, Probabilities
 from service.answers.words import SIDES, STATES, instant
 from service.ingest.metadata import KNOWN
@@ -150,10 +152,11 @@ def test_examples_come_from_a_history_that_was_folded() -> None:
 
 
 def test_words_are_those_of_the_judge() -> None:
-    assert set(STATES) == {state.value for state in State}
+    assert set(STATES) == {state.value for state in VERDICTS}
+    assert list(words.CAUSES) == [cause.value for cause in CAUSES]
     assert set(SIDES) == {side.value for side in Side}
     assert set(Estimates.__annotations__) == set(Detectable.__annotations__) == set(ESTIMATES)
-    assert set(Probabilities.__annotations__) - {"other"} == {"healthy", *(fault.value for fault in FAULTS)}
+    assert list(Probabilities.__annotations__) == list(words.CAUSES)
     assert instant(None) is None
 
 

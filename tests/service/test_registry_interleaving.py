@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+import pytest
 from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
@@ -222,11 +223,12 @@ class Interleaving(RuleBasedStateMachine):
             assert self.life.verdict(known_at=known_at) == verdict
 
 
-def test_any_interleaving_is_the_ordered_replay(client: TestClient) -> None:
+@pytest.mark.parametrize("lives", [4, pytest.param(20, marks=pytest.mark.study)])
+def test_any_interleaving_is_the_ordered_replay(client: TestClient, lives: int) -> None:
     run_state_machine_as_test(
         lambda: Interleaving(client),
         settings=settings(
-            max_examples=10,
+            max_examples=lives,
             stateful_step_count=14,
             phases=(Phase.generate,),  # a failure shows its steps; shrinking it takes minutes
             deadline=None,
