@@ -5,6 +5,7 @@ filter would kill the very evidence that a fault brings. Predictive densities ar
 freedom), so that one outlier costs a hypothesis a bounded amount.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,15 +19,32 @@ from detectors.bank.hypotheses import (
     UNMEASURED_RESERVOIR_WALK_BAR,
     directions,
     kind_scales,
-    log_hazards,
+    log_priors,
     prior,
     walk_variance,
 )
-from detectors.bank.kernel import N_MEASURED, ZERO, advance, free, step
+from detectors.bank.kernel import N_MEASURED, ZERO, advance, begun, free, remembered, step, surprise
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import N_FEATURES, Regulation
-from detectors.bank.shapes import Array, Base, Filters, Freed, History, Integers, Kinds, Reading, Walks
-from detectors.bank.summary import ARRIVAL, RAMP, STEP, spawned
+from detectors.bank.shapes import (
+    ARRIVAL,
+    N_SHAPES,
+    ON_OFF,
+    OPEN,
+    RAMP,
+    STATED,
+    STEP,
+    Array,
+    Base,
+    Filters,
+    Freed,
+    History,
+    Integers,
+    Kinds,
+    Reading,
+    Walks,
+)
+from detectors.bank.summary import spawned
 from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import AMPLITUDE, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
 from detectors.words.verdict import State
@@ -34,10 +52,14 @@ from twin.parameters import PumpType
 
 HEALTHY = -1
 SPAWN_EVERY = 4
-_MOST_STEPS, _MOST_RAMPS = 5, 4
-"""Onsets of one kind that are kept: where a ramp began matters less than where a step stood."""
+FIRST_ONSETS = (1, 2)
+"""Records after which an onset is tried, beside every fourth one: what sets in at once is as likely at the beginning."""
+_MOST: Mapping[int, int] = {STEP: 5, RAMP: 4, ON_OFF: 2, OPEN: 2}
+"""Onsets of one kind that are kept by shape: where a ramp began matters less than where a step stood."""
 _FIRST_RECORDS = 5
-_FIRST_ITERATIONS = 3
+_ITERATIONS = 4
+"""How often the twin is linearised anew in the first records and where one surprises: a resistance that trebles is no small
+one times a slope, a leak is, and whoever is taken at the slope's word loses."""
 _FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 """Records after which every filter is fitted to its whole history anew (``detectors.bank.refit``)."""
 _LONG, _HOPELESS = 24, -1.0
@@ -56,12 +78,15 @@ _LOG_ARRIVAL = float(np.log(0.04))
 """Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
 RAMP_RECORDS = 30.0
 """Records in which a ramp of one sigma grows by a fault's scale: fits 0.04 L/min a flight, and does not punish 0.004 (estimate)."""
-_LOG_PRIORS = np.vstack((log_hazards(), np.full(N_KINDS, _LOG_ARRIVAL)))
-_AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
-"""Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
+_LOG_PRIORS = log_priors(_LOG_ARRIVAL)
+_AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0, 0.03, 0.0])
+"""Walk of a fault's amplitude from record to record by shape, as a share of its scale."""
 _RATE_WALK = 0.05
 """Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
-_CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
+_MOST_ONSETS = np.zeros((N_SHAPES, N_KINDS), dtype=np.int64)
+for _shape, _most in _MOST.items():
+    _MOST_ONSETS[_shape] = _most * np.isfinite(_LOG_PRIORS[STATED, _shape])
+_CAPACITY = 1 + len(ARRIVAL_KINDS) + int(_MOST_ONSETS.sum())
 """The healthy pump, those that came worn, and every onset that is kept."""
 
 DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
@@ -70,12 +95,6 @@ LIKE_BEFORE = {"ln_drain": 0.12, "drain_flow": 0.12}
 """By how much what was exchanged differs from what was there (estimate: a filter element is one part of the drain, the line
 stays as it is; three of these are what a fully loaded element costs)."""
 _MOST_PASSES = 6
-_MOST_ONSETS = np.array(
-    [
-        [_MOST_STEPS * (k.sudden is not None) for k in FAULT_KINDS],
-        [_MOST_RAMPS * (k.growing is not None) for k in FAULT_KINDS],
-    ]
-)
 _MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
 _IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
 _BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
@@ -146,6 +165,10 @@ def _empty() -> Filters:
         onset=np.zeros(_CAPACITY, dtype=np.int64),
         log_evidence=np.zeros(_CAPACITY),
         setting_at_onset=np.zeros(_CAPACITY),
+        prior=np.zeros((_CAPACITY, 2)),
+        misfit=np.zeros(_CAPACITY),
+        unexplained=np.zeros(_CAPACITY, dtype=np.int64),
+        shown=np.zeros(_CAPACITY, dtype=np.int64),
     )
 
 
@@ -204,19 +227,27 @@ class Bank:
             filters.mean[row, AMPLITUDE], spread = ARRIVAL_LEAKAGE_LPM
             filters.covariance[row, AMPLITUDE, AMPLITUDE] = spread**2
             filters.log_evidence[row] = _LOG_ARRIVAL
+            filters.prior[row] = _LOG_ARRIVAL
 
     def learn(self, measurements: tuple[Measurement, ...]) -> None:
         """Take one record's windows: let time pass, weigh and update every filter."""
         filters = self.filters
         self._pass_time()
+        surprising = self.records >= _FIRST_RECORDS and self._is_surprising(measurements)
+        if surprising:
+            # what sets in with a bang is met from its first record on: a candidate that is late by one record would
+            # have to explain it away, and whoever does that best is not who is right
+            self.spawn()
+        begun(filters, self.n)
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
                 self._set_reservoir(measurement.reservoir_measured)
             self.reservoir_seen = self.reservoir_seen or measurement.reservoir_measured
-            iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
+            iterations = _ITERATIONS if surprising or self.records < _FIRST_RECORDS else 1
             self._take(measurement, iterations)
             self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         filters.log_evidence[: self.n] -= filters.log_evidence[: self.n].max()
+        remembered(filters, self.n)
         self.records += 1
         self.learnt.append(measurements)
         self._accept()
@@ -230,6 +261,15 @@ class Bank:
         # can say
         if settled or not self.reservoir_seen:
             self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
+
+    def _is_surprising(self, measurements: tuple[Measurement, ...]) -> bool:
+        """Whether the likeliest filter does not explain the record that comes next."""
+        filters, f = self.filters, int(self.filters.log_evidence[: self.n].argmax())
+        direction = DIRECTIONS[filters.kind[f]]
+        return any(
+            surprise(filters.mean[f], filters.covariance[f], direction, m.reading, self.alive) > 1.0
+            for m in measurements
+        )
 
     def _accept(self) -> None:
         """Let the healthy pump go on from where a healthy change took it, once that is beyond doubt."""
@@ -261,9 +301,9 @@ class Bank:
         """Filters that the data do not speak against, and the oldest step of each kind: it says what would be found."""
         n, filters = self.n, self.filters
         kind, shape, onset = filters.kind[:n], filters.shape[:n], filters.onset[:n]
-        prior = np.where(kind == HEALTHY, 0.0, _LOG_PRIORS[shape, kind])
-        by_data = filters.log_evidence[:n] - prior - filters.log_evidence[0]
-        worth = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS)
+        by_data = filters.log_evidence[:n] - filters.prior[:n, STATED] - filters.log_evidence[0]
+        kept = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (shape == ON_OFF) | (shape == OPEN)
+        worth = kept | (by_data >= _HOPELESS)
         steps, oldest = shape == STEP, np.full(N_KINDS + 1, self.records)
         np.minimum.at(oldest, kind[steps], onset[steps])
         return np.flatnonzero(worth | (steps & (onset == oldest[kind])))
@@ -272,7 +312,8 @@ class Bank:
         """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""
         n, filters = self.n, self.filters
         kind = filters.kind[:n]
-        rows = np.flatnonzero((kind == HEALTHY) | ((kind != GONE) & (filters.onset[:n] >= self.base.records)))
+        fitted = (kind != GONE) & (filters.shape[:n] != ON_OFF) & (filters.shape[:n] != OPEN)
+        rows = np.flatnonzero((kind == HEALTHY) | (fitted & (filters.onset[:n] >= self.base.records)))
         before = filters.log_evidence[0]
         fit_anew(filters, rows, self.base, _KINDS, self._walks(), self._history(), self.alive, _MOST_PASSES)
         filters.log_evidence[rows] += before - filters.log_evidence[0]
@@ -372,7 +413,7 @@ class Bank:
         into[AMPLITUDE] = into[RATE] = 0.0
         filters.mean[0] = into @ filters.mean[row]
         filters.covariance[0] = into @ filters.covariance[row] @ into.T
-        filters.log_evidence[0] = filters.log_evidence[row]
+        filters.log_evidence[0], filters.unexplained[0] = filters.log_evidence[row], filters.unexplained[row]
 
     def _keep(self, rows: Integers) -> None:
         """Drop every filter but these, in their order."""

@@ -5,11 +5,13 @@ A state vector holds what differs between pumps, aircraft and sensors (the nuisa
 inside the flows, not beside them: a big fault is not a small one times a slope.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.bank.shapes import ALIKE, ARRIVAL, N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP
 from detectors.expectation.components import INDEX, N_COMPONENTS, N_STATE, PLACE
 from detectors.words.verdict import State
 from twin.parameters import PumpType
@@ -27,8 +29,9 @@ class FaultKind:
 
     ``scale`` is the one-sigma size of a fault in the first component's unit; ``floor`` the size below which it is
     not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does
-    not heal), 0 when both directions occur. ``sensor`` names the channel of a sensor fault. ``sudden`` and ``growing``
-    are how much likelier than others it sets in at once or grows [nat]; None: never.
+    not heal), 0 when both directions occur. ``sensor`` names the channel of a sensor fault. ``share`` is its part of
+    its state's prior: kinds of one state share it, so that a state with many kinds is no likelier than one with few.
+    ``sudden``, ``growing`` and ``comes_and_goes`` say in which shapes it occurs.
     ``beside`` names a second fault that comes with it: from the onset on the setting goes where it likes.
     """
 
@@ -39,8 +42,10 @@ class FaultKind:
     floor: float
     sign: int
     sensor: str | None = None
-    sudden: float | None = 0.0
-    growing: float | None = 0.0
+    share: float = 1.0
+    sudden: bool = True
+    growing: bool = True
+    comes_and_goes: bool = False
     beside: State | None = None
 
     @property
@@ -49,98 +54,101 @@ class FaultKind:
         return self.moves[0][0] if self.moves else ""
 
 
-_WEARS = -1.6
-"""Wear grows: one leak in five sets in at once, and pure orifices are rare among them (estimates) [nat]."""
-_TWO = -4.0
-"""Two faults that set in together, against one (estimate) [nat]."""
+_TWO = math.exp(-4.0)
+"""Share of two faults that set in together (estimate)."""
+_PUMP, _DRAIN, _SENSOR = State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION, State.SENSOR_FAULT
+_SLIPPERS, _LEAK = (("slipper_extra", 1.0),), 0.4
+_CASE = "case_pressure_bar"
 FAULT_KINDS: tuple[FaultKind, ...] = (
+    FaultKind("leakage, slippers", _PUMP, _SLIPPERS, _LEAK, 0.05, 1, share=0.35, comes_and_goes=True),
+    FaultKind("leakage, port plate", _PUMP, (("laminar_extra", 1.0),), _LEAK, 0.05, 1, share=0.3),
+    FaultKind("leakage, mixed", _PUMP, (("slipper_extra", 0.5), ("throttled", 0.5)), _LEAK, 0.05, 1, share=0.1),
+    FaultKind("leakage, throttled", _PUMP, (("throttled", 1.0),), _LEAK, 0.05, 1, share=0.05),
+    FaultKind("uneven wear", _PUMP, (*_SLIPPERS, ("once", ONCE_PER_LEAKAGE)), 0.2, 0.02, 1, share=0.2),
+    FaultKind("setting", State.COMPENSATOR_FAULT, (("setting", 1.0),), 2.0, 0.7, 0, share=0.8),
+    FaultKind("bleed", State.COMPENSATOR_FAULT, (("bleed", 1.0),), 0.2, 0.05, 1, share=0.2),
     FaultKind(
-        "leakage, slippers", State.PUMP_DEGRADATION, (("slipper_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS, growing=1.0
-    ),
-    FaultKind(
-        "leakage, port plate",
-        State.PUMP_DEGRADATION,
-        (("laminar_extra", 1.0),),
-        0.4,
-        0.05,
+        "system leakage, orifice",
+        State.SYSTEM_LEAKAGE,
+        (("system_orifice", 1.0),),
+        1.5,
+        0.3,
         1,
-        sudden=_WEARS,
-        growing=1.0,
+        share=0.5,
+        comes_and_goes=True,
     ),
-    FaultKind(
-        "leakage, mixed",
-        State.PUMP_DEGRADATION,
-        (("slipper_extra", 0.5), ("throttled", 0.5)),
-        0.4,
-        0.05,
-        1,
-        sudden=_WEARS,
-    ),
-    FaultKind(
-        "leakage, throttled",
-        State.PUMP_DEGRADATION,
-        (("throttled", 1.0),),
-        0.4,
-        0.05,
-        1,
-        sudden=2.0 * _WEARS,
-        growing=_WEARS,
-    ),
-    FaultKind(
-        "uneven wear",
-        State.PUMP_DEGRADATION,
-        (("slipper_extra", 1.0), ("once", ONCE_PER_LEAKAGE)),
-        0.2,
-        0.02,
-        1,
-        sudden=_WEARS,
-    ),
-    FaultKind("setting", State.COMPENSATOR_FAULT, (("setting", 1.0),), 2.0, 0.7, 0, sudden=1.0, growing=2.0),
-    FaultKind("bleed", State.COMPENSATOR_FAULT, (("bleed", 1.0),), 0.2, 0.05, 1, sudden=_WEARS),
-    FaultKind("system leakage, orifice", State.SYSTEM_LEAKAGE, (("system_orifice", 1.0),), 1.5, 0.3, 1),
-    FaultKind("system leakage, laminar", State.SYSTEM_LEAKAGE, (("system_laminar", 1.0),), 1.5, 0.3, 1),
-    FaultKind("drain restriction", State.DRAIN_RESTRICTION, (("ln_drain", 1.0),), 0.3, 0.06, 1),
-    FaultKind("case sensor", State.SENSOR_FAULT, (("case_offset", 1.0),), 0.15, 0.06, 0, "case_pressure_bar"),
-    FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.06, 0.0, 0, sudden=2.3, growing=None),
+    FaultKind("system leakage, laminar", State.SYSTEM_LEAKAGE, (("system_laminar", 1.0),), 1.5, 0.3, 1, share=0.5),
+    FaultKind("drain restriction", _DRAIN, (("ln_drain", 1.0),), 0.3, 0.06, 1, share=0.5, comes_and_goes=True),
+    FaultKind("drain restriction, viscous", _DRAIN, (("drain_viscous", 1.0),), 0.3, 0.06, 1, share=0.25),
+    FaultKind("drain restriction, orifice", _DRAIN, (("drain_orifice", 1.0),), 0.3, 0.06, 1, share=0.25),
+    FaultKind("case sensor", _SENSOR, (("case_offset", 1.0),), 0.15, 0.06, 0, _CASE, share=0.4),
+    FaultKind("case sensor, span", _SENSOR, (("case_span", -1.0),), 0.3, 0.1, 1, _CASE, share=0.2, growing=False),
+    FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.06, 0.0, 0, growing=False),
     FaultKind(
         "drain restriction, setting moves",
-        State.DRAIN_RESTRICTION,
+        _DRAIN,
         (("ln_drain", 1.0),),
         0.3,
         0.06,
         1,
-        sudden=None,
-        growing=_TWO,
+        share=_TWO,
+        sudden=False,
         beside=State.COMPENSATOR_FAULT,
     ),
     FaultKind(
         "leakage, setting moves",
-        State.PUMP_DEGRADATION,
-        (("slipper_extra", 1.0),),
-        0.4,
+        _PUMP,
+        _SLIPPERS,
+        _LEAK,
         0.05,
         1,
-        sudden=None,
-        growing=_TWO,
+        share=_TWO,
+        sudden=False,
         beside=State.COMPENSATOR_FAULT,
     ),
-    FaultKind("reservoir sensor", State.SENSOR_FAULT, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar"),
-    FaultKind("fault gone", State.HEALTHY, (), 0.0, 0.0, 0, sudden=-1.0, growing=None),
+    FaultKind("reservoir sensor", _SENSOR, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar", share=0.4),
+    FaultKind("none of these", State.OTHER, (), 0.0, 0.0, 0, growing=False),
+    FaultKind("fault gone", State.HEALTHY, (), 0.0, 0.0, 0, growing=False),
 )
-"""Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show. Settings drift more often than
-pumps fail (and no healthy pump of the studies was ever taken for one); fluid is changed once in some hundred flights. That a fault is
-gone must stay less likely than the alarm level is high: every new candidate would hold the alarm back."""
+"""Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show; so are the shares within a
+state: nobody counts which gap of a pump wears first."""
 N_KINDS = len(FAULT_KINDS)
-GONE = N_KINDS - 1
-"""The kind that undoes the likeliest fault: it begins where that fault's filter stands, without the fault."""
-LOG_HAZARD = float(np.log(1.0e-3))
-"""Prior of a fault of one kind setting in within the spacing of onset candidates (estimate)."""
+GONE, OTHER = N_KINDS - 1, N_KINDS - 2
+"""The kind that undoes the likeliest fault: it begins where that fault's filter stands, without the fault; and the one
+that knows nothing but how far apart two records of a pump may lie."""
+HAZARD = 4.0e-3
+"""Prior of each state setting in within the spacing of onset candidates, the same for every state (estimate)."""
+_OTHER_HAZARD = 1.0e-3
+_FLUID_HAZARD = 1.0e-2
+"""A batch is changed once in some hundred flights (estimate)."""
+_GONE_HAZARD = 4.0e-4
+"""That a fault is gone must stay less likely than the alarm level is high: every new candidate would hold the alarm back."""
+_ALIKE = {STEP: 0.45, RAMP: 0.45, ON_OFF: 0.1}
+"""Shares of the shapes where nothing is known of a cause (our choice: steps and growth alike, one in ten comes and goes)."""
+_WEARS = {STEP: 0.15, RAMP: 0.75, ON_OFF: 0.1}
+"""Shares of the shapes of wear: gaps open by abrasion, flight after flight (estimate: one leak in six sets in at once)."""
 
 
-def log_hazards() -> Array:
-    """Prior of each kind setting in at once (first row) or beginning to grow, shape (2, N_KINDS); -inf: never."""
-    shapes = ([k.sudden for k in FAULT_KINDS], [k.growing for k in FAULT_KINDS])
-    return LOG_HAZARD + np.array([[-np.inf if h is None else h for h in likelier] for likelier in shapes])
+def log_priors(log_arrival: float) -> Array:
+    """Priors of each kind by shape [nat], shape (2, N_SHAPES, N_KINDS): as stated, and with the same shapes for every cause.
+
+    -inf stands for what never occurs; ``log_arrival`` is that of a pump that comes worn, the same for all kinds.
+    """
+    table = np.full((2, N_SHAPES, N_KINDS), -np.inf)
+    table[:, ARRIVAL] = log_arrival
+    for k, kind in enumerate(FAULT_KINDS):
+        if k == OTHER:
+            table[:, OPEN, k] = math.log(_OTHER_HAZARD)
+            continue
+        hazard = HAZARD * kind.share
+        if kind.state is State.HEALTHY:
+            hazard = _GONE_HAZARD if k == GONE else _FLUID_HAZARD
+        occurs = {STEP: kind.sudden, RAMP: kind.growing, ON_OFF: kind.comes_and_goes}
+        for which, shares in ((STATED, _WEARS if kind.state is _PUMP else _ALIKE), (ALIKE, _ALIKE)):
+            for shape, share in shares.items():
+                if occurs[shape]:
+                    table[which, shape, k] = math.log(hazard * (share if kind.growing else 1.0))
+    return table
 
 
 def directions() -> Array:

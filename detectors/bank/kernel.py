@@ -5,10 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.bank.shapes import Array, Filters, Freed, Reading, Walks
+from detectors.bank.shapes import ON_OFF, OPEN, REMEMBERED, Array, Filters, Freed, Reading, Walks
+from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import (
     AMPLITUDE,
     CASE_OFFSET,
+    CASE_SPAN,
     LN_RIPPLE,
     N_COMPONENTS,
     N_LIVING,
@@ -28,6 +30,13 @@ DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
 
 N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
 """A slope for every place of the state, and after them one for every component that only a fault moves."""
+_EXPLAINED = (16.0, 19.3, 22.1, 24.5, 26.9, 29.1)
+"""Squared distance up to which k numbers count as explained: what one good record in 16,000 exceeds (chi-squared)."""
+_OPEN_SD = (5.0, 0.5, 0.3, 0.5, 0.5, 0.1)
+"""How far apart two records of one pump may lie when nothing is known of the reason, by what is measured (estimates: a
+tenth of what the sensors span, and no less than the largest faults that have a name move)."""
+_REMEMBERED = 2**REMEMBERED - 1
+_P_R = COLUMN["reservoir"]
 _IMPOSSIBLE = -50.0
 """Log density of a measurement that a filter cannot weigh (estimate: far below any outlier's, and no infinity) [nat]."""
 
@@ -64,10 +73,15 @@ def predicted(
     H[:n_rows, :] = 0.0
     for j in range(N_COMPONENTS):
         H[DISCHARGE, place(j)], H[CASE, place(j)] = slopes[DISCHARGE, j], slopes[CASE, j]
-    y[CASE] += full[CASE_OFFSET]
+    span = 1.0 + full[CASE_SPAN]
+    if span != 1.0:
+        H[CASE, :] *= span
+    H[CASE, place(CASE_SPAN)] = y[CASE]
+    y[CASE] = span * y[CASE] + full[CASE_OFFSET]
     H[CASE, CASE_OFFSET] = 1.0
-    y[ZERO] = full[CASE_OFFSET] + full[RESERVOIR]
-    H[ZERO, CASE_OFFSET], H[ZERO, RESERVOIR] = 1.0, 1.0
+    reservoir = anchor[_P_R] + full[RESERVOIR]
+    y[ZERO] = full[CASE_OFFSET] + full[RESERVOIR] + full[CASE_SPAN] * reservoir
+    H[ZERO, CASE_OFFSET], H[ZERO, RESERVOIR], H[ZERO, place(CASE_SPAN)] = 1.0, span, reservoir
     if n_rows > RIPPLE:
         for r in range(2):
             gain = math.exp(full[LN_RIPPLE + r])
@@ -147,8 +161,11 @@ def take(
     point: Array,
     wander: Array,
     room: Scratch,
-) -> float:
-    """Take one measurement into one filter, in place; logarithm of its predictive density (without constants).
+) -> tuple[float, float]:
+    """Take one measurement into one filter, in place.
+
+    Gives the logarithm of its predictive density (without constants), and its squared distance over the largest that
+    counts as explained.
 
     Parameters
     ----------
@@ -176,7 +193,7 @@ def take(
     slopes, full = wide[3 * N_MEASURED : 3 * N_MEASURED + 3], wide[3 * N_MEASURED + 3]
     S, L = small[:N_MEASURED], small[N_MEASURED : 2 * N_MEASURED]
     y, innovation, white = small[2 * N_MEASURED], small[2 * N_MEASURED + 1], small[2 * N_MEASURED + 2]
-    log_density = 0.0
+    log_density, misfit = 0.0, 0.0
     for iteration in range(iterations):
         predicted(point, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
         for a in range(k):
@@ -193,8 +210,9 @@ def take(
         if good:
             distance, log_det = _whitened(L, innovation, white, k)
         if not (good and distance < 1.0e300):
-            return log_density + _IMPOSSIBLE
+            return log_density + _IMPOSSIBLE, np.inf
         if iteration == 0:
+            misfit = distance / _EXPLAINED[k - 1]
             log_density = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k) * math.log1p(distance / STUDENT_DEGREES)
         if len(wander) > 0:
             distance = max(distance, _residual_distance(H, y, reading, n, wander, small))
@@ -222,7 +240,7 @@ def take(
     _less(P, W, k, n)
     for i in range(n):
         m[i] = point[i]
-    return log_density
+    return log_density, misfit
 
 
 @inlined
@@ -266,6 +284,8 @@ def _residual_distance(H: Array, y: Array, reading: Reading, n: int, wander: Arr
 def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, n: int, iterations: int) -> None:
     """Take one measurement into the first ``n_filters`` filters, in place.
 
+    What comes and goes is asked twice, with its fault and without it, and goes on from the likelier answer.
+
     Parameters
     ----------
     directions
@@ -275,13 +295,90 @@ def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, 
     """
     mean, covariance, kind, log_evidence = filters.mean, filters.covariance, filters.kind, filters.log_evidence
     room = scratch()
-    point, nowhere = np.empty(N_STATE), np.empty(0)
+    point, nowhere, nothing = np.empty(N_STATE), np.empty(0), directions[len(directions) - 1]
+    before, spread_before = np.empty(N_STATE), np.empty((N_STATE, N_STATE))
+    shown, spread_shown = np.empty(N_STATE), np.empty((N_STATE, N_STATE))
     for f in range(n_filters):
-        for i in range(N_STATE):
-            point[i] = mean[f, i]
-        log_evidence[f] += take(
-            mean[f], covariance[f], directions[kind[f]], reading, n, iterations, point, nowhere, room
-        )
+        m, P = mean[f], covariance[f]
+        if filters.shape[f] == OPEN:
+            log_evidence[f] += _open_density(m, reading, nothing, room)
+            filters.misfit[f] = np.inf
+            continue
+        comes_and_goes = filters.shape[f] == ON_OFF
+        if comes_and_goes:
+            before[:], spread_before[:, :] = m, P
+        with_fault, misfit_shown = 0.0, 0.0
+        for attempt in range(2 if comes_and_goes else 1):
+            for i in range(N_STATE):
+                point[i] = m[i]
+            direction = directions[kind[f]] if attempt == 0 else nothing
+            found, misfit = take(m, P, direction, reading, n, iterations, point, nowhere, room)
+            if not comes_and_goes:
+                log_evidence[f] += found
+                filters.misfit[f] = max(filters.misfit[f], misfit)
+            elif attempt == 0:
+                with_fault, misfit_shown = found, misfit
+                shown[:], spread_shown[:, :] = m, P
+                m[:], P[:, :] = before, spread_before
+            else:
+                log_evidence[f] += _log_half_of(with_fault, found)
+                if with_fault > found:
+                    m[:], P[:, :] = shown, spread_shown
+                    misfit = misfit_shown
+                    filters.shown[f] |= 1
+                filters.misfit[f] = max(filters.misfit[f], misfit)
+
+
+@compiled
+def surprise(m: Array, P: Array, direction: Array, reading: Reading, n: int) -> float:
+    """Squared distance of a measurement from what a filter expects, over the largest that counts as explained."""
+    room, point = scratch(), m.copy()
+    return take(m.copy(), P.copy(), direction, reading, n, 1, point, np.empty(0), room)[1]
+
+
+@compiled
+def _log_half_of(a: float, b: float) -> float:
+    """Logarithm of the mean of two numbers that are given as logarithms."""
+    high, low = max(a, b), min(a, b)
+    return high + math.log1p(math.exp(low - high)) - math.log(2.0)
+
+
+@compiled
+def _open_density(m: Array, reading: Reading, direction: Array, room: Scratch) -> float:
+    """Logarithm of the predictive density of whoever knows nothing but how far apart two records may lie."""
+    anchor, ripple, values, noise, seen = reading
+    wide, small = room
+    H, slopes, full, y = (
+        wide[:N_MEASURED],
+        wide[3 * N_MEASURED : 3 * N_MEASURED + 3],
+        wide[3 * N_MEASURED + 3],
+        small[0],
+    )
+    k = len(seen)
+    predicted(m, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
+    distance, log_det = 0.0, 0.0
+    for a in range(k):
+        i = seen[a]
+        variance = noise[i, i] + _OPEN_SD[i] * _OPEN_SD[i]
+        distance += (values[i] - y[i]) ** 2 / variance
+        log_det += math.log(variance)
+    return -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k) * math.log1p(distance / STUDENT_DEGREES)
+
+
+@compiled
+def remembered(filters: Filters, n_filters: int) -> None:
+    """A record is over: note which of the first filters explained it, and make room for the next, in place."""
+    for f in range(n_filters):
+        bit = 1 if filters.misfit[f] > 1.0 else 0
+        filters.unexplained[f] = (filters.unexplained[f] << 1 | bit) & _REMEMBERED
+        filters.misfit[f] = 0.0
+
+
+@compiled
+def begun(filters: Filters, n_filters: int) -> None:
+    """A record begins: no fault has shown in it yet, in place."""
+    for f in range(n_filters):
+        filters.shown[f] = filters.shown[f] << 1 & _REMEMBERED
 
 
 @compiled

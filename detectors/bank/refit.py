@@ -12,8 +12,20 @@ import math
 import numpy as np
 
 from detectors.bank.kernel import Scratch, free, scratch, take, wandered
-from detectors.bank.shapes import Array, Base, Filters, History, Integers, Kinds, Reading, Walks
-from detectors.bank.summary import ARRIVAL, RAMP, STEP
+from detectors.bank.shapes import (
+    ARRIVAL,
+    RAMP,
+    STATED,
+    STEP,
+    Array,
+    Base,
+    Filters,
+    History,
+    Integers,
+    Kinds,
+    Reading,
+    Walks,
+)
 from detectors.expectation.components import AMPLITUDE, N_STATE, RATE, RESERVOIR, SETTING
 from twin.compiled import compiled
 
@@ -57,7 +69,7 @@ def fit_anew(
     young = history.record[len(history.record) - 1] - base.records < _YOUNG
     for f in rows:
         k, form = filters.kind[f], filters.shape[f]
-        prior = 0.0 if k < 0 else kinds.log_priors[form, k]
+        prior = 0.0 if k < 0 else kinds.log_priors[STATED, form, k]
         passes = most_passes if k < 0 or form == ARRIVAL else _PASSES_OF_FAULTS
         own = mean[f].copy()
         best = -np.inf
@@ -180,5 +192,6 @@ def _through(
         wander[SETTING] += (last - max(at, onset)) * setting_walk
         point[AMPLITUDE], point[RATE] = along, grows
         reading = Reading(history.anchors[i], history.ripples[i], history.values[i], history.noises[i], places[:n_seen])
-        total += take(m, P, direction, reading, alive, 1, point, nowhere if backwards else wander, room)
+        density, _ = take(m, P, direction, reading, alive, 1, point, nowhere if backwards else wander, room)
+        total += density
     return total

@@ -12,6 +12,15 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+STEP, RAMP, ARRIVAL, ON_OFF, OPEN = range(5)
+"""Shapes of a fault: there at once, growing, there from the first record on, coming and going, and none that is known."""
+N_SHAPES = 5
+STATED, ALIKE = range(2)
+"""Columns of a filter's priors: as stated, and with the same shapes for every cause."""
+REMEMBERED = 20
+"""Records of which a filter remembers whether it explained them, and whether its fault showed."""
+
+
 class Filters(NamedTuple):
     """Filters side by side, first axis M.
 
@@ -20,12 +29,17 @@ class Filters(NamedTuple):
     mean, covariance
         Of the state, shapes (M, N) and (M, N, N).
     kind, shape, onset
-        Index into ``FAULT_KINDS`` (-1: healthy), ``STEP``, ``RAMP`` or ``ARRIVAL``, and the record number at which the
-        fault sets in.
+        Index into ``FAULT_KINDS`` (-1: healthy), one of the shapes, and the record number at which the fault sets in.
     log_evidence
-        Log of prior times product of predictive densities [nat].
+        Log of stated prior times product of predictive densities [nat].
     setting_at_onset
         The setting when the fault set in [bar].
+    prior
+        Logarithms of the stated and of the shape-neutral prior [nat], shape (M, 2).
+    misfit
+        Largest squared distance of a window of the record that is being taken, over the largest that counts as explained.
+    unexplained, shown
+        The last ``REMEMBERED`` records as bits, the latest lowest: was it not explained, and did the fault show.
     """
 
     mean: Array
@@ -35,6 +49,10 @@ class Filters(NamedTuple):
     onset: Integers
     log_evidence: Array
     setting_at_onset: Array
+    prior: Array
+    misfit: Array
+    unexplained: Integers
+    shown: Integers
 
 
 class Walks(NamedTuple):
@@ -123,7 +141,7 @@ class Kinds(NamedTuple):
         What each kind moves per unit of amplitude, shape (K + 1, N_COMPONENTS), and its one-sigma size, shape (K + 1,);
         the last row, zeros, serves the healthy pump.
     log_priors
-        How likely each sets in, shape (3, K): steps, ramps, arrivals [nat].
+        How likely each sets in, as stated and shape-neutral, shape (2, N_SHAPES, K) [nat].
     ramp_records
         Records in which a ramp of one sigma grows by the kind's scale.
     arrival_mean, arrival_spread
@@ -174,8 +192,8 @@ class Sums(NamedTuple):
     weights
         Posterior shares of the filters, shape (M,); one-sided faults are weighed by the sign they came out with.
     of_all, changed
-        Shares by state, the healthy pump last, shape (n_states + 1,): of all, and of what changed since the first
-        record (an arrival counts as healthy there).
+        Shares by state, none of these and the healthy pump last, shape (n_states + 2,): of all, and of what changed since
+        the first record (an arrival counts as healthy there).
     together
         Shares of two faults by state of the first and of the second, shape (n_states, n_states).
     moments

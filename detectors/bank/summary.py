@@ -4,12 +4,30 @@ import math
 
 import numpy as np
 
-from detectors.bank.shapes import FIRST, RESOLUTION, SECOND, SHARE, Array, Filters, Integers, Kinds, Meaning, Sums
+from detectors.bank.shapes import (
+    ALIKE,
+    ARRIVAL,
+    FIRST,
+    ON_OFF,
+    OPEN,
+    RAMP,
+    RESOLUTION,
+    SECOND,
+    SHARE,
+    STATED,
+    STEP,
+    Array,
+    Filters,
+    Integers,
+    Kinds,
+    Meaning,
+    Sums,
+)
 from detectors.expectation.components import AMPLITUDE, RATE, SETTING
 from twin.compiled import compiled
 
-STEP, RAMP, ARRIVAL = 0, 1, 2
-"""Shapes of a fault: there at once, growing, there from the first record on."""
+TEMPER = 1.0
+"""Exponent of the likelihood: what a wrong law of the world makes of evidence."""
 
 
 @compiled
@@ -21,11 +39,14 @@ def log_normal_above(z: float) -> float:
 
 
 @compiled
-def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums) -> float:
-    """Sum the first n filters after ``records`` records into ``sums``; returns the share of pumps that came worn."""
+def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums, which: int) -> float:
+    """Sum the first n filters after ``records`` records into ``sums``; returns the share of pumps that came worn.
+
+    ``which`` is the prior: ``STATED`` or ``ALIKE``.
+    """
     mean, covariance, kind, shape, onset = filters.mean, filters.covariance, filters.kind, filters.shape, filters.onset
     weights, of_all, changed, together, moments = sums
-    _weigh(filters, n, meaning.signs, weights)
+    _weigh(filters, n, meaning.signs, weights, which)
     of_all[:], changed[:], moments[:, :], together[:, :] = 0.0, 0.0, 0.0, 0.0
     healthy = len(of_all) - 1
     arrived = 0.0
@@ -70,12 +91,13 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
 
 
 @compiled
-def _weigh(filters: Filters, n: int, signs: Integers, weights: Array) -> None:
+def _weigh(filters: Filters, n: int, signs: Integers, weights: Array, which: int) -> None:
     """Posterior shares of the first n filters; one-sided faults by the sign that they came out with."""
     kind, log_evidence = filters.kind, filters.log_evidence
     most = -1.0e300
     for f in range(n):
-        weights[f] = log_evidence[f]
+        by_data = log_evidence[f] - log_evidence[0] - filters.prior[f, STATED]
+        weights[f] = filters.prior[f, which] + TEMPER * by_data
         if kind[f] >= 0 and signs[kind[f]] == 1:
             spread = math.sqrt(max(filters.covariance[f, AMPLITUDE, AMPLITUDE], 1.0e-300))
             weights[f] += log_normal_above(filters.mean[f, AMPLITUDE] / spread) + math.log(2.0)
@@ -102,7 +124,7 @@ def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: I
 
     The last kind begins where the likeliest fault stands, without it: the fault is gone.
 
-    ``most_onsets`` holds how many of a shape and kind are kept, shape (2, n_kinds).
+    ``most_onsets`` holds how many of a shape and kind are kept, shape (N_SHAPES, n_kinds).
     """
     mean, covariance, kind, log_evidence = filters.mean, filters.covariance, filters.kind, filters.log_evidence
     scales = kinds.scales
@@ -111,31 +133,38 @@ def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: I
     for f in range(n):
         if kind[f] != gone and log_evidence[f] > log_evidence[likeliest]:
             likeliest = f
-    undone, undone_spread, undone_evidence = (
+    undone, undone_spread, undone_evidence, undone_prior = (
         mean[likeliest].copy(),
         covariance[likeliest].copy(),
         log_evidence[likeliest],
+        filters.prior[likeliest].copy(),
     )
     for k in range(n_kinds):
         if k == gone and likeliest == 0:
             continue
-        for form in (STEP, RAMP):
+        for form in (STEP, RAMP, ON_OFF, OPEN):
             if most_onsets[form, k] == 0:
                 continue
             place = _place_of(filters, n, k, form, most_onsets[form, k])
             n = max(n, place + 1)
             mean[place], covariance[place] = mean[0], covariance[0]
-            if form == STEP:
+            if form != RAMP:
                 covariance[place, AMPLITUDE, AMPLITUDE] = scales[k] ** 2
             else:
                 covariance[place, RATE, RATE] = (scales[k] / kinds.ramp_records) ** 2
             kind[place], filters.shape[place], filters.onset[place] = k, form, records
+            filters.unexplained[place], filters.shown[place], filters.misfit[place] = filters.unexplained[0], 0, 0.0
             filters.setting_at_onset[place] = mean[0, SETTING]
             if k == gone:
                 mean[place], covariance[place] = undone, undone_spread
                 for i in (AMPLITUDE, RATE):
                     mean[place, i], covariance[place, i, :], covariance[place, :, i] = 0.0, 0.0, 0.0
-            log_evidence[place] = (undone_evidence if k == gone else log_evidence[0]) + kinds.log_priors[form, k]
+            start = undone_evidence if k == gone else log_evidence[0]
+            log_evidence[place] = start + kinds.log_priors[STATED, form, k]
+            for which in (STATED, ALIKE):
+                filters.prior[place, which] = kinds.log_priors[which, form, k]
+                if k == gone:
+                    filters.prior[place, which] += undone_prior[which]
     return n
 
 

@@ -7,7 +7,7 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.bank.bank import SPAWN_EVERY, Bank, Measurement
+from detectors.bank.bank import FIRST_ONSETS, SPAWN_EVERY, Bank, Measurement
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.measurement import Measured, measured_windows
 from detectors.expectation.anchor import anchors, reference_condition
@@ -174,8 +174,7 @@ class Fold:
         self.touched = False
         self.used += 1
         self.since_installed += 1
-        after = self.since_installed - int(self.thresholds["baseline_records"])
-        if after >= 0 and after % SPAWN_EVERY == 0:
+        if self.since_installed in FIRST_ONSETS or self.since_installed % SPAWN_EVERY == 0:
             self.bank.spawn()
         self.without_zero += not observation.reduction.zero.measured
         self.without_reservoir += not found.measurements[-1].reservoir_measured

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from detectors.bank.bank import ARRIVAL_FLOOR_LPM, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
-from detectors.bank.shapes import N_MOMENTS, Array, Meaning, Sums
+from detectors.bank.shapes import ALIKE, N_MOMENTS, STATED, Array, Meaning, Sums
 from detectors.bank.summary import summed
 from detectors.words.verdict import CAUSES, FAULTS, SIDE_OF, Side, State
 
@@ -16,7 +17,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra", "throttled"),
     "system_leakage_change_lpm": ("system_orifice", "system_laminar"),
     "pressure_setting_change_bar": ("setting",),
-    "drain_resistance_change_percent": ("ln_drain",),
+    "drain_resistance_change_percent": ("ln_drain", "drain_viscous", "drain_orifice"),
 }
 """Estimated changes, and the components that they are counted in."""
 WORN_PROBABILITY = 0.5
@@ -34,8 +35,8 @@ class Evidence:
     """Where the evidence stands after one record.
 
     ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
-    ``weights`` are the filters' shares, shape (m,); ``shares`` are those of
-    the faults among what changed since the first record; ``arrival`` is the probability that the pump came worn;
+    ``weights`` are the filters' shares, shape (m,); ``shares`` are those of the faults and of ``other`` among what
+    changed since the first record, ``surely`` the least of them under either prior; ``arrival`` is the probability that the pump came worn;
     ``together`` holds the shares of two faults by the first and the second, shape (n, n) in the order of ``FAULTS``;
     ``moments`` belong to ``QUANTITIES`` (``detectors.bank.shapes.Sums``).
     """
@@ -44,6 +45,7 @@ class Evidence:
     probabilities: Mapping[State, float]
     weights: Array
     shares: Mapping[State, float]
+    surely: Mapping[State, float]
     arrival: float
     together: Array
     moments: Array
@@ -79,50 +81,73 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     """Sum the bank's filters by the state they stand for, and by the quantity they change."""
     floors = _MEANING.floors.copy()
     floors[_IS_SENSOR] = thresholds["sensor_shift_bar"]
-    sums = Sums(
-        weights=np.empty(bank.n),
-        of_all=np.empty(len(FAULTS) + 1),
-        changed=np.empty(len(FAULTS) + 1),
-        together=np.empty((len(FAULTS), len(FAULTS))),
-        moments=np.empty((len(QUANTITIES), N_MOMENTS)),
-    )
-    arrival = summed(bank.filters, bank.n, bank.records, _MEANING._replace(floors=floors), sums)
+    meaning = _MEANING._replace(floors=floors)
     # what regulation shows is independent of the means: it stands against the pump that is healthy by them
     odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
-    *of_all, healthy_of_all = sums.of_all.tolist()
-    *faults, healthy = sums.changed.tolist()
-    of_all[_COMPENSATOR] += healthy_of_all * odds
-    faults[_COMPENSATOR] += healthy * odds
-    posterior = _shares([healthy_of_all, *of_all])
-    probabilities = dict(zip(CAUSES, [*posterior, 0.0], strict=True))
-    fault = sum(faults)
+    neutral, _, _ = _summed(bank, meaning, ALIKE, odds)
+    stated, arrival, sums = _summed(bank, meaning, STATED, odds)
+    changed, healthy = stated.changed[:-1], stated.changed[-1]
+    shares, alike = _shares(changed), _shares(neutral.changed[:-1])
     return Evidence(
         # how a pump came is a question of its own: an alarm is raised by what changed since
-        log_odds=math.log(max(fault, 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
-        probabilities=probabilities,
+        log_odds=math.log(max(sum(changed), 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
+        probabilities=_together(stated.of_all, neutral.of_all),
         weights=sums.weights,
-        shares=dict(zip(FAULTS, _shares(faults), strict=True)),
+        shares=dict(zip(_CHANGES, shares, strict=True)),
+        surely=dict(zip(_CHANGES, map(min, shares, alike), strict=True)),
         arrival=arrival,
         together=sums.together,
         moments=sums.moments,
     )
 
 
+class _ByState(NamedTuple):
+    """Sums by state, in the order of the faults, ``other`` and ``healthy``."""
+
+    of_all: list[float]
+    changed: list[float]
+
+
+def _summed(bank: Bank, meaning: Meaning, prior: int, odds: float) -> tuple[_ByState, float, Sums]:
+    """What the bank says under one prior: by state, the probability of having come worn, and the sums themselves."""
+    sums = Sums(
+        weights=np.empty(bank.n),
+        of_all=np.empty(len(FAULTS) + 2),
+        changed=np.empty(len(FAULTS) + 2),
+        together=np.empty((len(FAULTS), len(FAULTS))),
+        moments=np.empty((len(QUANTITIES), N_MOMENTS)),
+    )
+    arrival = summed(bank.filters, bank.n, bank.records, meaning, sums, prior)
+    by_state = _ByState(sums.of_all.tolist(), sums.changed.tolist())
+    for values in by_state:
+        values[_COMPENSATOR] += values[-1] * odds
+    return by_state, arrival, sums
+
+
+def _together(stated: Sequence[float], neutral: Sequence[float]) -> dict[State, float]:
+    """Probabilities of all causes, the stated and the shape-neutral prior counted alike."""
+    shares = [0.5 * (a + b) for a, b in zip(_shares(stated), _shares(neutral), strict=True)]
+    return dict(zip(CAUSES, [shares[-1], *shares[:-1]], strict=True))
+
+
 def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> tuple[Alarm, Decision]:
-    """One step of the sequential decision: is there an alarm, whose side is it, and which fault of that side."""
+    """One step of the sequential decision: is there an alarm, whose side is it, and which fault of that side.
+
+    What is named must lead under the stated and under the shape-neutral prior: where they disagree, the prior would decide.
+    """
     worn_for = alarm.worn_for + 1 if found.arrival > WORN_PROBABILITY else 0
     above = alarm.above + 1 if found.log_odds > thresholds["alarm_on_log_odds"] else 0
     raised = above >= thresholds["alarm_records"] or (
         alarm.raised and found.log_odds >= thresholds["alarm_off_log_odds"]
     )
-    share = found.shares
-    leader = max(FAULTS, key=lambda f: share[f])
-    by_side = {s: sum(share[f] for f in faults) for s, faults in _FAULTS_OF.items()}
+    share, surely = found.shares, found.surely
+    leader = max(_CHANGES, key=lambda f: share[f])
+    by_side = {s: sum(surely[f] for f in faults) for s, faults in _FAULTS_OF.items()}
     side = max(by_side, key=lambda s: by_side[s])
     level = thresholds["system_side_probability" if side is Side.SYSTEM else "side_probability"]
     records = thresholds["side_records"]
     state_for = _led_for(
-        share[leader], thresholds["state_probability"], alarm.state_for if alarm.state is leader else 0, records
+        surely[leader], thresholds["state_probability"], alarm.state_for if alarm.state is leader else 0, records
     )
     side_for = _led_for(by_side[side], level, alarm.side_for if alarm.side is side else 0, records)
     following = Alarm(
@@ -132,10 +157,10 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
         return following, Decision(State.PUMP_DEGRADATION)
     if not raised:
         return following, Decision(State.HEALTHY)
-    if state_for >= records:
+    if state_for >= records and leader is not State.OTHER:
         return following, Decision(leader)
     # a side with a single fault leaves nothing to be undecided about, so it waits for its state
-    rivals = _FAULTS_OF[side] if side_for >= records and len(_FAULTS_OF[side]) > 1 else FAULTS
+    rivals = _FAULTS_OF[side] if side_for >= records and len(_FAULTS_OF[side]) > 1 else _CHANGES
     # what is not named yet has a rival: a single candidate would be an accusation
     likely = set(sorted(rivals, key=lambda f: share[f])[-2:])
     candidates = tuple(f for f in rivals if f in likely or share[f] >= thresholds["candidate_probability"])
@@ -168,6 +193,8 @@ def _shares(sums: Sequence[float]) -> list[float]:
     return [s / whole for s in sums] if whole > 0.0 else [1.0 / len(sums)] * len(sums)
 
 
+_CHANGES: tuple[State, ...] = (*FAULTS, State.OTHER)
+"""What can have changed, in the order of the sums."""
 _COMPENSATOR = FAULTS.index(State.COMPENSATOR_FAULT)
 _MOST_LOG_ODDS = 600.0
 """Beyond 709 a double overflows."""
@@ -177,7 +204,9 @@ _IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False, Fals
 _MEANING = Meaning(
     signs=np.array([k.sign for k in FAULT_KINDS] + [0]),
     floors=np.array([k.floor for k in FAULT_KINDS] + [0.0, ARRIVAL_FLOOR_LPM]),
-    states=np.array([FAULTS.index(k.state) if k.state in FAULTS else len(FAULTS) for k in FAULT_KINDS] + [len(FAULTS)]),
+    states=np.array(
+        [_CHANGES.index(k.state) if k.state in _CHANGES else len(_CHANGES) for k in FAULT_KINDS] + [len(_CHANGES)]
+    ),
     quantities=np.array([_quantity(k.component) for k in FAULT_KINDS] + [-1]),
     beside=np.array([-1 if k.beside is None else FAULTS.index(k.beside) for k in FAULT_KINDS] + [-1]),
     scales=np.array([k.scale for k in FAULT_KINDS] + [1.0]),

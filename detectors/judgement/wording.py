@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from detectors.words.states import STATES
-from detectors.words.verdict import FAULTS, SIDE_OF, Estimate, Side, State
+from detectors.words.states import CAUSES, STATES
+from detectors.words.verdict import SIDE_OF, Estimate, Side, State
 
 SENSORS: Mapping[str, str] = {
     "case_pressure_bar": "case pressure sensor",
@@ -17,7 +17,7 @@ _SENSOR_ADVICE: Mapping[str, str] = {
     "reservoir_pressure_bar": "Check the reservoir pressure sensor: its reading has moved against the case pressure, with "
     "the pump at rest or running.",
 }
-NAMES: Mapping[State, str] = {state: STATES[state].word for state in FAULTS}
+NAMES: Mapping[State, str] = {state: STATES[state].word for state in CAUSES}
 
 
 def advice(
