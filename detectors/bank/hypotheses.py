@@ -6,7 +6,8 @@ inside the flows, not beside them: a big fault is not a small one times a slope.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +25,28 @@ gives 260 mbar with 0.22 L/min, three pistons +150 % give 57 mbar with 0.056 L/m
 
 
 @dataclass(frozen=True, slots=True)
+class Law:
+    """How a fault's law may lie between others: ``moves`` times its place, in units of the amplitude, come on top.
+
+    ``mean`` and ``sd`` of the place are its prior; ``pure`` names the laws that are one thing alone, with their places.
+    """
+
+    moves: tuple[tuple[str, float], ...] = ()
+    mean: float = 0.0
+    sd: float = 0.0
+    pure: tuple[tuple[str, float], ...] = ()
+
+
+NO_LAW = Law()
+
+
+@dataclass(frozen=True, slots=True)
 class FaultKind:
     """One way in which something can change, mostly for the worse: which components move with its amplitude, how far, in which direction.
 
     ``scale`` is the one-sigma size of a fault in the first component's unit; ``floor`` the size below which it is
     not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does
-    not heal), 0 when both directions occur. ``sensor`` names the channel of a sensor fault. ``share`` is its part of
+    not heal), 0 when both directions occur. ``law`` is how its dependence on the condition may differ. ``sensor`` names the channel of a sensor fault. ``share`` is its part of
     its state's prior: kinds of one state share it, so that a state with many kinds is no likelier than one with few.
     ``sudden``, ``growing`` and ``comes_and_goes`` say in which shapes it occurs.
     ``beside`` names a second fault that comes with it: from the onset on the setting goes where it likes.
@@ -42,6 +59,7 @@ class FaultKind:
     floor: float
     sign: int
     sensor: str | None = None
+    law: Law = NO_LAW
     share: float = 1.0
     sudden: bool = True
     growing: bool = True
@@ -59,38 +77,70 @@ _TWO = math.exp(-4.0)
 _PUMP, _DRAIN, _SENSOR = State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION, State.SENSOR_FAULT
 _SLIPPERS, _LEAK = (("slipper_extra", 1.0),), 0.4
 _CASE = "case_pressure_bar"
+_RESISTANCE = (("ln_drain", 1.0),)
+_THROTTLED = Law(
+    (("slipper_extra", -1.0), ("throttled", 1.0)),
+    0.1,
+    0.25,
+    (("leakage, slippers", 0.0), ("leakage, mixed", 0.5), ("leakage, throttled", 1.0)),
+)
+"""A wide slipper gap leaves the throttle in charge (estimate: a tenth of what is added, give or take a quarter)."""
+_GAP_OR_ORIFICE = Law(
+    (("system_orifice", -1.0), ("system_laminar", 1.0)),
+    0.5,
+    0.4,
+    (("system leakage, orifice", 0.0), ("system leakage, laminar", 1.0)),
+)
+"""Nobody knows through what a circuit leaks."""
+_CLOGGED = Law((("drain_viscous", 1.0), ("drain_orifice", -1.0)), 0.0, 0.15, (("drain restriction", 0.0),))
+"""What clogs a drain has its line's law, more of a filter's (viscous), or more of a narrowed fitting's (estimate)."""
 FAULT_KINDS: tuple[FaultKind, ...] = (
-    FaultKind("leakage, slippers", _PUMP, _SLIPPERS, _LEAK, 0.05, 1, share=0.35, comes_and_goes=True),
-    FaultKind("leakage, port plate", _PUMP, (("laminar_extra", 1.0),), _LEAK, 0.05, 1, share=0.3),
-    FaultKind("leakage, mixed", _PUMP, (("slipper_extra", 0.5), ("throttled", 0.5)), _LEAK, 0.05, 1, share=0.1),
-    FaultKind("leakage, throttled", _PUMP, (("throttled", 1.0),), _LEAK, 0.05, 1, share=0.05),
-    FaultKind("uneven wear", _PUMP, (*_SLIPPERS, ("once", ONCE_PER_LEAKAGE)), 0.2, 0.02, 1, share=0.2),
+    FaultKind(
+        "leakage, slippers",
+        _PUMP,
+        _SLIPPERS,
+        _LEAK,
+        0.05,
+        1,
+        law=_THROTTLED,
+        share=0.5,
+        comes_and_goes=True,
+    ),
+    FaultKind(
+        "leakage, port plate",
+        _PUMP,
+        (("laminar_extra", 1.0),),
+        _LEAK,
+        0.05,
+        1,
+        law=Law((("laminar_extra", -1.0), ("throttled", 1.0)), 0.0, 0.1, (("leakage, port plate", 0.0),)),
+        share=0.3,
+    ),
+    FaultKind("uneven wear", _PUMP, (*_SLIPPERS, ("once", ONCE_PER_LEAKAGE)), 0.2, 0.02, 1, law=_THROTTLED, share=0.2),
     FaultKind("setting", State.COMPENSATOR_FAULT, (("setting", 1.0),), 2.0, 0.7, 0, share=0.8),
     FaultKind("bleed", State.COMPENSATOR_FAULT, (("bleed", 1.0),), 0.2, 0.05, 1, share=0.2),
     FaultKind(
-        "system leakage, orifice",
+        "system leakage",
         State.SYSTEM_LEAKAGE,
         (("system_orifice", 1.0),),
         1.5,
         0.3,
         1,
-        share=0.5,
+        law=_GAP_OR_ORIFICE,
         comes_and_goes=True,
     ),
-    FaultKind("system leakage, laminar", State.SYSTEM_LEAKAGE, (("system_laminar", 1.0),), 1.5, 0.3, 1, share=0.5),
-    FaultKind("drain restriction", _DRAIN, (("ln_drain", 1.0),), 0.3, 0.06, 1, share=0.5, comes_and_goes=True),
-    FaultKind("drain restriction, viscous", _DRAIN, (("drain_viscous", 1.0),), 0.3, 0.06, 1, share=0.25),
-    FaultKind("drain restriction, orifice", _DRAIN, (("drain_orifice", 1.0),), 0.3, 0.06, 1, share=0.25),
+    FaultKind("drain restriction", _DRAIN, _RESISTANCE, 0.3, 0.06, 1, law=_CLOGGED, comes_and_goes=True),
     FaultKind("case sensor", _SENSOR, (("case_offset", 1.0),), 0.15, 0.06, 0, _CASE, share=0.4),
     FaultKind("case sensor, span", _SENSOR, (("case_span", -1.0),), 0.3, 0.1, 1, _CASE, share=0.2, growing=False),
     FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.06, 0.0, 0, growing=False),
     FaultKind(
         "drain restriction, setting moves",
         _DRAIN,
-        (("ln_drain", 1.0),),
+        _RESISTANCE,
         0.3,
         0.06,
         1,
+        law=_CLOGGED,
         share=_TWO,
         sudden=False,
         beside=State.COMPENSATOR_FAULT,
@@ -102,6 +152,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
         _LEAK,
         0.05,
         1,
+        law=_THROTTLED,
         share=_TWO,
         sudden=False,
         beside=State.COMPENSATOR_FAULT,
@@ -152,12 +203,36 @@ def log_priors(log_arrival: float) -> Array:
 
 
 def directions() -> Array:
-    """Change of each component per unit of amplitude, shape (N_KINDS, N_COMPONENTS)."""
-    table = np.zeros((N_KINDS, N_COMPONENTS))
-    for k, kind in enumerate(FAULT_KINDS):
-        for name, share in kind.moves:
-            table[k, INDEX[name]] = share
+    """Change of each component per unit of amplitude, and per unit of its product with the law, (N_KINDS, 2, N_COMPONENTS)."""
+    moves = [moves for kind in FAULT_KINDS for moves in (kind.moves, kind.law.moves)]
+    return rows_of(moves).reshape(N_KINDS, 2, N_COMPONENTS)
+
+
+def rows_of(moves: Sequence[tuple[tuple[str, float], ...]]) -> Array:
+    """Shares by component, shape (len(moves), N_COMPONENTS)."""
+    table = np.zeros((len(moves), N_COMPONENTS))
+    for row, shares in zip(table, moves, strict=True):
+        for name, share in shares:
+            row[INDEX[name]] = share
     return table
+
+
+def laws() -> Array:
+    """Mean and spread of the place of each kind's law, zeros for the healthy pump last, shape (N_KINDS + 1, 2)."""
+    return np.array([(kind.law.mean, kind.law.sd) for kind in FAULT_KINDS] + [(0.0, 0.0)])
+
+
+def pure_kinds() -> tuple[FaultKind, ...]:
+    """Kinds of fault with one law each: what can be told from what is asked of these."""
+    found: list[FaultKind] = []
+    for kind in FAULT_KINDS:
+        for name, at in kind.law.pure if kind.beside is None and kind.law.pure else ((kind.name, 0.0),):
+            moves = dict(kind.moves)
+            for component, share in kind.law.moves:
+                moves[component] = moves.get(component, 0.0) + at * share
+            kept = tuple((component, share) for component, share in moves.items() if share != 0.0)
+            found.append(replace(kind, name=name, moves=kept, law=NO_LAW))
+    return tuple(found)
 
 
 def kind_scales() -> Array:

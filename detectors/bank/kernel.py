@@ -11,6 +11,7 @@ from detectors.expectation.components import (
     AMPLITUDE,
     CASE_OFFSET,
     CASE_SPAN,
+    LAW,
     LN_RIPPLE,
     N_COMPONENTS,
     N_LIVING,
@@ -44,7 +45,7 @@ _IMPOSSIBLE = -50.0
 @compiled
 def place(j: int) -> int:
     """Place of component j in a state, or among the slopes."""
-    return j if j < LN_RIPPLE else j + 2
+    return j if j < LN_RIPPLE else j + LAW + 1 - LN_RIPPLE
 
 
 @compiled
@@ -61,14 +62,12 @@ def predicted(
 ) -> None:
     """What a state says the sensors show, ``y`` (6,), and its slopes ``H`` (6, N_SLOPES).
 
-    ``direction`` (N_COMPONENTS,) is what the amplitude moves; ``ripple`` holds the relative slopes of order n of both
+    ``direction`` (2, N_COMPONENTS) is what the amplitude moves, and what its product with the law moves on top; ``ripple`` holds the relative slopes of order n of both
     pressures by the components, shape (2, N_COMPONENTS); ``full`` and ``slopes`` are work space. Only the first
     ``n_rows`` of ``H`` are needed, at least three; where no more are, those of the lines stay as they are.
     """
-    for j in range(N_COMPONENTS):
-        full[j] = direction[j] * state[AMPLITUDE]
-        if j < N_LIVING:
-            full[j] += state[place(j)]
+    amplitude, law = state[AMPLITUDE], state[LAW]
+    _whole(state, direction, full)
     pressures(anchor, full, y, slopes)
     H[:n_rows, :] = 0.0
     for j in range(N_COMPONENTS):
@@ -94,9 +93,19 @@ def predicted(
         y[LINE] = abs(full[ONCE])
         H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
     for j in range(N_COMPONENTS):
-        if direction[j] != 0.0:
+        if direction[0, j] != 0.0 or direction[1, j] != 0.0:
             for i in range(n_rows):
-                H[i, AMPLITUDE] += H[i, place(j)] * direction[j]
+                H[i, AMPLITUDE] += H[i, place(j)] * (direction[0, j] + law * direction[1, j])
+                H[i, LAW] += H[i, place(j)] * amplitude * direction[1, j]
+
+
+@compiled
+def _whole(state: Array, direction: Array, full: Array) -> None:
+    """All components of a state with its fault, into ``full`` (N_COMPONENTS,)."""
+    for j in range(N_COMPONENTS):
+        full[j] = (direction[0, j] + direction[1, j] * state[LAW]) * state[AMPLITUDE]
+        if j < N_LIVING:
+            full[j] += state[place(j)]
 
 
 @compiled
@@ -330,6 +339,15 @@ def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, 
 
 
 @compiled
+def expected_case(m: Array, direction: Array, reading: Reading) -> float:
+    """Case pressure that a filter expects to be measured [bar]."""
+    wide, small = scratch()
+    H, slopes, full, y = wide[:N_MEASURED], wide[3 * N_MEASURED : 3 * N_MEASURED + 3], wide[3 * N_MEASURED + 3], small[0]
+    predicted(m, direction, reading.anchor, reading.ripple, full, slopes, y, H, ZERO + 1)
+    return float(y[CASE])
+
+
+@compiled
 def surprise(m: Array, P: Array, direction: Array, reading: Reading, n: int) -> float:
     """Squared distance of a measurement from what a filter expects, over the largest that counts as explained."""
     room, point = scratch(), m.copy()
@@ -441,13 +459,11 @@ def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) 
     """Case flow of one filter's state at an anchor and its variance [L/min, (L/min)^2]."""
     full, slopes, y = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(2)
     gradient = np.zeros(N_STATE)
-    for j in range(N_COMPONENTS):
-        full[j] = direction[j] * state[AMPLITUDE]
-        if j < N_LIVING:
-            full[j] += state[place(j)]
+    _whole(state, direction, full)
     flow = pressures(anchor, full, y, slopes)
     for j in range(N_COMPONENTS):
-        gradient[AMPLITUDE] += slopes[2, j] * direction[j]
+        gradient[AMPLITUDE] += slopes[2, j] * (direction[0, j] + direction[1, j] * state[LAW])
+        gradient[LAW] += slopes[2, j] * direction[1, j] * state[AMPLITUDE]
         if j < N_LIVING:
             gradient[place(j)] = slopes[2, j]
     variance = 0.0

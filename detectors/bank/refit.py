@@ -26,7 +26,7 @@ from detectors.bank.shapes import (
     Reading,
     Walks,
 )
-from detectors.expectation.components import AMPLITUDE, N_STATE, RATE, RESERVOIR, SETTING
+from detectors.expectation.components import AMPLITUDE, LAW, N_STATE, RATE, RESERVOIR, SETTING
 from twin.compiled import compiled
 
 _PASSES_OF_FAULTS = 2
@@ -81,7 +81,7 @@ def fit_anew(
             # and what set in since, young, from where the healthy pump came to; who came worn never was that pump
             if attempt == 1 or (k >= 0 and young and form != ARRIVAL):
                 start[:] = other
-                start[AMPLITUDE], start[RATE] = own[AMPLITUDE], own[RATE]
+                start[AMPLITUDE], start[RATE], start[LAW] = own[AMPLITUDE], own[RATE], own[LAW]
             found = 0.0
             for passage in range(passes):
                 backwards = attempt == 2 and passage == 0
@@ -141,6 +141,7 @@ def _through(
     if shape == ARRIVAL and kind >= 0:
         m[AMPLITUDE] = kinds.arrival_mean
         P[AMPLITUDE, AMPLITUDE] = kinds.arrival_spread**2
+        m[LAW], P[LAW, LAW] = kinds.laws[kind, 0], kinds.laws[kind, 1] ** 2
         begun = True
     total, at = 0.0, base.records - 1
     along, grows = 0.0, 0.0
@@ -168,6 +169,7 @@ def _through(
                 spread = kinds.scales[kind] if shape == STEP else kinds.scales[kind] / kinds.ramp_records
                 begins = AMPLITUDE if shape == STEP else RATE
                 P[begins, begins] = spread**2
+                m[LAW], P[LAW, LAW] = kinds.laws[kind, 0], kinds.laws[kind, 1] ** 2
             if begun:
                 wandered(m, P, walk, amplitude_walk, rate_walk, setting_walk)
             else:

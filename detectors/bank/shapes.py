@@ -138,8 +138,10 @@ class Kinds(NamedTuple):
     Attributes
     ----------
     directions, scales
-        What each kind moves per unit of amplitude, shape (K + 1, N_COMPONENTS), and its one-sigma size, shape (K + 1,);
-        the last row, zeros, serves the healthy pump.
+        What each kind moves per unit of amplitude and of its product with the law, shape (K + 1, 2, N_COMPONENTS), and its
+        one-sigma size, shape (K + 1,); the last row, zeros, serves the healthy pump.
+    laws
+        Mean and spread of the place of each kind's law, shape (K + 1, 2).
     log_priors
         How likely each sets in, as stated and shape-neutral, shape (2, N_SHAPES, K) [nat].
     ramp_records
@@ -150,6 +152,7 @@ class Kinds(NamedTuple):
 
     directions: Array
     scales: Array
+    laws: Array
     log_priors: Array
     ramp_records: float
     arrival_mean: float

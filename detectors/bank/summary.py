@@ -23,11 +23,11 @@ from detectors.bank.shapes import (
     Meaning,
     Sums,
 )
-from detectors.expectation.components import AMPLITUDE, RATE, SETTING
+from detectors.expectation.components import AMPLITUDE, LAW, RATE, SETTING
 from twin.compiled import compiled
 
-TEMPER = 1.0
-"""Exponent of the likelihood: what a wrong law of the world makes of evidence."""
+TEMPER = 0.85
+"""Exponent of the likelihood where causes compete: their laws are not the world's."""
 
 
 @compiled
@@ -39,14 +39,16 @@ def log_normal_above(z: float) -> float:
 
 
 @compiled
-def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums, which: int) -> float:
+def summed(
+    filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums, which: int, exponent: float
+) -> float:
     """Sum the first n filters after ``records`` records into ``sums``; returns the share of pumps that came worn.
 
-    ``which`` is the prior: ``STATED`` or ``ALIKE``.
+    ``which`` is the prior: ``STATED`` or ``ALIKE``; the likelihood counts with an ``exponent``.
     """
     mean, covariance, kind, shape, onset = filters.mean, filters.covariance, filters.kind, filters.shape, filters.onset
     weights, of_all, changed, together, moments = sums
-    _weigh(filters, n, meaning.signs, weights, which)
+    _weigh(filters, n, meaning.signs, weights, which, exponent)
     of_all[:], changed[:], moments[:, :], together[:, :] = 0.0, 0.0, 0.0, 0.0
     healthy = len(of_all) - 1
     arrived = 0.0
@@ -91,13 +93,13 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums,
 
 
 @compiled
-def _weigh(filters: Filters, n: int, signs: Integers, weights: Array, which: int) -> None:
+def _weigh(filters: Filters, n: int, signs: Integers, weights: Array, which: int, exponent: float) -> None:
     """Posterior shares of the first n filters; one-sided faults by the sign that they came out with."""
     kind, log_evidence = filters.kind, filters.log_evidence
     most = -1.0e300
     for f in range(n):
         by_data = log_evidence[f] - log_evidence[0] - filters.prior[f, STATED]
-        weights[f] = filters.prior[f, which] + TEMPER * by_data
+        weights[f] = filters.prior[f, which] + exponent * by_data
         if kind[f] >= 0 and signs[kind[f]] == 1:
             spread = math.sqrt(max(filters.covariance[f, AMPLITUDE, AMPLITUDE], 1.0e-300))
             weights[f] += log_normal_above(filters.mean[f, AMPLITUDE] / spread) + math.log(2.0)
@@ -152,12 +154,13 @@ def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: I
                 covariance[place, AMPLITUDE, AMPLITUDE] = scales[k] ** 2
             else:
                 covariance[place, RATE, RATE] = (scales[k] / kinds.ramp_records) ** 2
+            mean[place, LAW], covariance[place, LAW, LAW] = kinds.laws[k, 0], kinds.laws[k, 1] ** 2
             kind[place], filters.shape[place], filters.onset[place] = k, form, records
             filters.unexplained[place], filters.shown[place], filters.misfit[place] = filters.unexplained[0], 0, 0.0
             filters.setting_at_onset[place] = mean[0, SETTING]
             if k == gone:
                 mean[place], covariance[place] = undone, undone_spread
-                for i in (AMPLITUDE, RATE):
+                for i in (AMPLITUDE, RATE, LAW):
                     mean[place, i], covariance[place, i, :], covariance[place, :, i] = 0.0, 0.0, 0.0
             start = undone_evidence if k == gone else log_evidence[0]
             log_evidence[place] = start + kinds.log_priors[STATED, form, k]

@@ -1,6 +1,6 @@
 """What differs between pumps, aircraft and sensors: the components of the state, by number and by name.
 
-A filter's state holds them in their order, with a fault's amplitude and rate before those that only lines of a burst or
+A filter's state holds them in their order, with a fault's amplitude, rate and law before those that only lines of a burst or
 windows under load show: histories without them leave the tail of the state alone. What only a fault moves is no part of
 the state.
 """
@@ -70,13 +70,14 @@ N_COMPONENTS = len(COMPONENTS)
 ) = range(N_COMPONENTS)
 INDEX = {name: i for i, name in enumerate(COMPONENTS)}
 
-AMPLITUDE, RATE = LN_RIPPLE, LN_RIPPLE + 1
-"""Places of a fault's amplitude and of its change per record in a filter's state."""
+AMPLITUDE, RATE, LAW = range(LN_RIPPLE, LN_RIPPLE + 3)
+"""Places of a fault's amplitude, of its change per record, and of how its law lies between the two that it may have."""
+_OF_FAULT = LAW + 1 - AMPLITUDE
 N_LIVING = SLIPPER_EXTRA
 """Components that live in a filter's state; those after them are moved by faults alone."""
-N_SLOW, N_LINES, N_STATE = LN_RIPPLE + 2, LOAD_CASE + 2, N_LIVING + 2
+N_SLOW, N_LINES, N_STATE = (k + _OF_FAULT for k in (LN_RIPPLE, LOAD_CASE, N_LIVING))
 """Size of the part of a state that means at zero flow can show, of what lines show with it, and of the whole."""
 LOAD_LPM = 20.0
 """Flow of the load at which its components are counted [L/min]."""
-PLACE = {name: i if i < LN_RIPPLE else i + 2 for name, i in INDEX.items()}
+PLACE = {name: i if i < LN_RIPPLE else i + _OF_FAULT for name, i in INDEX.items()}
 """Places of the components in a filter's state; beyond N_STATE for those that only faults move."""

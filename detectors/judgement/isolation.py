@@ -10,14 +10,14 @@ import numpy as np
 from detectors.bank.bank import ARRIVAL_FLOOR_LPM, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.shapes import ALIKE, N_MOMENTS, STATED, Array, Meaning, Sums
-from detectors.bank.summary import summed
+from detectors.bank.summary import TEMPER, summed
 from detectors.words.verdict import CAUSES, FAULTS, SIDE_OF, Side, State
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
-    "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra", "throttled"),
-    "system_leakage_change_lpm": ("system_orifice", "system_laminar"),
+    "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra"),
+    "system_leakage_change_lpm": ("system_orifice",),
     "pressure_setting_change_bar": ("setting",),
-    "drain_resistance_change_percent": ("ln_drain", "drain_viscous", "drain_orifice"),
+    "drain_resistance_change_percent": ("ln_drain",),
 }
 """Estimated changes, and the components that they are counted in."""
 WORN_PROBABILITY = 0.5
@@ -84,16 +84,17 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     meaning = _MEANING._replace(floors=floors)
     # what regulation shows is independent of the means: it stands against the pump that is healthy by them
     odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
-    neutral, _, _ = _summed(bank, meaning, ALIKE, odds)
-    stated, arrival, sums = _summed(bank, meaning, STATED, odds)
+    stated, arrival, sums = _summed(bank, meaning, odds, STATED, 1.0)
+    causes, _, _ = _summed(bank, meaning, odds, STATED, TEMPER)
+    neutral, _, _ = _summed(bank, meaning, odds, ALIKE, TEMPER)
     changed, healthy = stated.changed[:-1], stated.changed[-1]
-    shares, alike = _shares(changed), _shares(neutral.changed[:-1])
+    shares, alike = _shares(causes.changed[:-1]), _shares(neutral.changed[:-1])
     return Evidence(
         # how a pump came is a question of its own: an alarm is raised by what changed since
         log_odds=math.log(max(sum(changed), 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
-        probabilities=_together(stated.of_all, neutral.of_all),
+        probabilities=_probabilities(stated.of_all, causes.of_all, neutral.of_all),
         weights=sums.weights,
-        shares=dict(zip(_CHANGES, shares, strict=True)),
+        shares=dict(zip(_CHANGES, (0.5 * (a + b) for a, b in zip(shares, alike, strict=True)), strict=True)),
         surely=dict(zip(_CHANGES, map(min, shares, alike), strict=True)),
         arrival=arrival,
         together=sums.together,
@@ -108,7 +109,7 @@ class _ByState(NamedTuple):
     changed: list[float]
 
 
-def _summed(bank: Bank, meaning: Meaning, prior: int, odds: float) -> tuple[_ByState, float, Sums]:
+def _summed(bank: Bank, meaning: Meaning, odds: float, prior: int, exponent: float) -> tuple[_ByState, float, Sums]:
     """What the bank says under one prior: by state, the probability of having come worn, and the sums themselves."""
     sums = Sums(
         weights=np.empty(bank.n),
@@ -117,17 +118,18 @@ def _summed(bank: Bank, meaning: Meaning, prior: int, odds: float) -> tuple[_ByS
         together=np.empty((len(FAULTS), len(FAULTS))),
         moments=np.empty((len(QUANTITIES), N_MOMENTS)),
     )
-    arrival = summed(bank.filters, bank.n, bank.records, meaning, sums, prior)
+    arrival = summed(bank.filters, bank.n, bank.records, meaning, sums, prior, exponent)
     by_state = _ByState(sums.of_all.tolist(), sums.changed.tolist())
     for values in by_state:
         values[_COMPENSATOR] += values[-1] * odds
     return by_state, arrival, sums
 
 
-def _together(stated: Sequence[float], neutral: Sequence[float]) -> dict[State, float]:
-    """Probabilities of all causes, the stated and the shape-neutral prior counted alike."""
-    shares = [0.5 * (a + b) for a, b in zip(_shares(stated), _shares(neutral), strict=True)]
-    return dict(zip(CAUSES, [shares[-1], *shares[:-1]], strict=True))
+def _probabilities(whole: Sequence[float], stated: Sequence[float], neutral: Sequence[float]) -> dict[State, float]:
+    """Of all causes: whether anything changed by the whole evidence, which cause by the tempered one under both priors."""
+    healthy = _shares(whole)[-1]
+    shares = [0.5 * (a + b) for a, b in zip(_shares(stated[:-1]), _shares(neutral[:-1]), strict=True)]
+    return dict(zip(CAUSES, [healthy, *((1.0 - healthy) * s for s in shares)], strict=True))
 
 
 def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> tuple[Alarm, Decision]:
