@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
@@ -24,7 +25,7 @@ from detectors.bank.hypotheses import (
     prior,
     walk_variance,
 )
-from detectors.bank.kernel import CASE, N_MEASURED, ZERO, advance, begun, expected_case, free, remembered, step, surprise
+from detectors.bank.kernel import CASE, N_MEASURED, ZERO, advance, begun, expected, free, remembered, step, surprise
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import N_FEATURES, Regulation
 from detectors.bank.shapes import (
@@ -75,8 +76,6 @@ _UNSEEN.flags.writeable = False
 ARRIVAL_KINDS = ("leakage, slippers",)
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
 """Mean and spread of what a pump leaks on top that arrives worn: the limit lies 0.2 above the nominal pump's case flow."""
-ARRIVAL_RECORDS = 40
-"""Records after which a pump that is not likelier to have come worn is one of the population for good."""
 ARRIVAL_FLOOR_LPM = 0.5
 """Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
 _LOG_ARRIVAL = float(np.log(0.1))
@@ -97,9 +96,6 @@ _CAPACITY = 1 + len(ARRIVAL_KINDS) + int(_MOST_ONSETS.sum())
 DIRECTIONS = np.concatenate((directions(), np.zeros((1, 2, N_COMPONENTS))))
 """What each kind of fault moves per unit of amplitude, and of its product with the law, zeros for the healthy pump last,
 shape (N_KINDS + 1, 2, N_COMPONENTS)."""
-LIKE_BEFORE = {"ln_drain": 0.12, "drain_flow": 0.12}
-"""By how much what was exchanged differs from what was there (estimate: a filter element is one part of the drain, the line
-stays as it is; three of these are what a fully loaded element costs)."""
 _MOST_PASSES = 6
 _MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
 _IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
@@ -111,7 +107,8 @@ _LEVEL_EVIDENCE = 1.0
 _BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
 _OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
-_KINDS = Kinds(DIRECTIONS, _SCALES, laws(), _LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
+_SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])
+_KINDS = Kinds(DIRECTIONS, _SCALES, laws(), _SIGNS, _LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
 _AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
 _RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
 _RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
@@ -121,6 +118,11 @@ _WARMTH, _LOAD = COLUMN["warmth"], COLUMN["load_flow"]
 _LEAST_LOAD_LPM = 1.0
 """Flow from which a window counts as one under load (estimate: twice what counts as zero)."""
 _WALK = walk_variance()
+
+
+def _touched_by(freed: Mapping[str, float | None]) -> NDArray[np.bool_]:
+    """Kinds of fault that move one of these components, shape (N_KINDS,)."""
+    return np.array([any(name in freed for name, _ in (*k.moves, *k.law.moves)) for k in FAULT_KINDS])
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,6 +199,8 @@ class Bank:
     refits
         False where the history begins at a state that was learnt: its covariance holds for the point that it was
         linearised about, and a fit about another one would lose what it says.
+    ended, resolving
+        Kind of the fault that ended with what was done last, and of the one that may have (-1: none).
     """
 
     pump: PumpType
@@ -211,6 +215,8 @@ class Bank:
     reservoir_seen: bool = False
     freed: Freed = field(default_factory=nothing_freed)
     refits: bool = True
+    ended: int = HEALTHY
+    resolving: int = HEALTHY
     regulation: Regulation = field(default_factory=Regulation)
 
     def __post_init__(self) -> None:
@@ -264,20 +270,22 @@ class Bank:
             if self.records - self.base.records >= _LONG:
                 self._keep(self._worth_a_fit())
             self._fit_anew()
-        evidence = filters.log_evidence[: self.n]
-        settled = self.records == ARRIVAL_RECORDS and evidence[0] >= evidence.max() - _LEVEL_EVIDENCE
         # half a bar of unknown reservoir pressure is as much as a worn pump makes: where it was never measured nobody
         # can say
-        if settled or not self.reservoir_seen:
+        if not self.reservoir_seen:
             self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
+
+    def expected(self, measurement: Measurement) -> tuple[float, float, float]:
+        """Discharge and case pressure that the healthy pump is expected to show, and its case over reservoir pressure [bar]."""
+        return expected(self.filters.mean[0], DIRECTIONS[HEALTHY], measurement.reading)
 
     def _with_discrepancy(self, measurement: Measurement) -> Measurement:
         """The measurement with what sensor and laws are unsure of far from where the healthy pump was learnt."""
         if CASE not in measurement.seen:
             return measurement
-        expected = expected_case(self.filters.mean[0], DIRECTIONS[HEALTHY], measurement.reading)
+        _, case, _ = self.expected(measurement)
         noise = measurement.noise.copy()
-        noise[CASE, CASE] += (DISCREPANCY * (measurement.values[CASE] - expected)) ** 2
+        noise[CASE, CASE] += (DISCREPANCY * (measurement.values[CASE] - case)) ** 2
         return replace(measurement, noise=noise)
 
     def _is_surprising(self, measurements: tuple[Measurement, ...]) -> bool:
@@ -304,6 +312,8 @@ class Bank:
         rivals = np.flatnonzero(filters.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
         if filters.log_evidence[likeliest] < filters.log_evidence[rivals].max() + _BEYOND_DOUBT:
             return
+        if gone and self.resolving != HEALTHY:
+            self.ended, self.resolving = self.resolving, HEALTHY
         self._take_over(likeliest, FAULT_KINDS[filters.kind[likeliest]].moves)
         self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
         self._rebase()
@@ -395,33 +405,55 @@ class Bank:
             most[:, _OF_RESERVOIR] = 0
         return most
 
-    def reset(self, components: tuple[str, ...]) -> None:
-        """After maintenance that touched ``components`` their spread is the population's again, and nothing else's.
+    def reset(self, freed: Mapping[str, float | None]) -> None:
+        """Something touched some components: they are as unknown as in any pump of the population, and nothing else is.
 
-        A fault of those components ends here. Where one was likelier than the healthy pump, the healthy pump goes on
-        from where that fault's filter stands; else what was learnt so far stays the history that filters are fitted to.
+        A fault of those components ends here. Where one was as likely as anything else, the healthy pump goes on from where
+        that fault's filter stands. Where it was likelier than health, its end is one more explanation of what comes
+        (``ended``): what was touched may have been the cause although something else seemed likelier.
+
+        Parameters
+        ----------
+        freed
+            By component: None for the population's spread, or by how much it may differ from what it was.
         """
-        filters = self.filters
-        touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
-        ended = np.flatnonzero(touched[filters.kind[: self.n]])
+        n, filters = self.n, self.filters
+        kept = ~np.append(_touched_by(freed), False)[filters.kind[:n]]
+        ended = np.flatnonzero(~kept)
+        self.ended = self.resolving = HEALTHY
         took_over = False
         if len(ended):
-            likeliest = ended[filters.log_evidence[ended].argmax()]
-            if filters.log_evidence[likeliest] >= filters.log_evidence[: self.n].max() - _LEVEL_EVIDENCE:
+            evidence = filters.log_evidence[:n]
+            likeliest = int(ended[evidence[ended].argmax()])
+            kind, lead = int(filters.kind[likeliest]), evidence[likeliest] - evidence[0]
+            took_over = bool(evidence[likeliest] >= evidence.max() - _LEVEL_EVIDENCE)
+            if took_over:
                 self._take_over(likeliest)
-                took_over = True
-        self._keep(np.flatnonzero(~touched[filters.kind[: self.n]]))
-        if "setting" in components:
+            elif lead > _LEVEL_EVIDENCE:
+                self._end(likeliest)
+                kept[likeliest] = True
+            if lead > _BEYOND_DOUBT:
+                self.ended, self.resolving = (kind, HEALTHY) if took_over else (HEALTHY, kind)
+        self._keep(np.flatnonzero(kept))
+        if "setting" in freed and freed["setting"] is None:
             # the compensator was opened: it regulates as it does now
             self.regulation = Regulation()
         if took_over:
             self._rebase()
         mean, sd = prior(self.pump)
-        for name in components:
-            if name in LIKE_BEFORE:
-                self._free(PLACE[name], np.nan, LIKE_BEFORE[name])
+        for name, like_before in freed.items():
+            if like_before is not None:
+                self._free(PLACE[name], np.nan, like_before)
             elif PLACE[name] < N_STATE:
                 self._free(PLACE[name], mean[PLACE[name]], sd[PLACE[name]])
+
+    def _end(self, row: int) -> None:
+        """Turn a filter into the one whose fault ended now."""
+        filters = self.filters
+        filters.kind[row], filters.shape[row], filters.onset[row] = GONE, STEP, self.records
+        for place in (AMPLITUDE, RATE, LAW):
+            filters.mean[row, place] = 0.0
+            filters.covariance[row, place, :] = filters.covariance[row, :, place] = 0.0
 
     def _take_over(self, row: int, moves: tuple[tuple[str, float], ...] = ()) -> None:
         """Let the healthy pump go on from where a filter stands: ``moves`` stay moved, the amplitude ends."""

@@ -42,13 +42,14 @@ NO_LAW = Law()
 
 @dataclass(frozen=True, slots=True)
 class FaultKind:
-    """One way in which something can change, mostly for the worse: which components move with its amplitude, how far, in which direction.
+    """One way in which something can change, mostly for the worse: which components move with its amplitude, how far, in
+    which direction.
 
     ``scale`` is the one-sigma size of a fault in the first component's unit; ``floor`` the size below which it is
-    not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does
-    not heal), 0 when both directions occur. ``law`` is how its dependence on the condition may differ. ``sensor`` names the channel of a sensor fault. ``share`` is its part of
-    its state's prior: kinds of one state share it, so that a state with many kinds is no likelier than one with few.
-    ``sudden``, ``growing`` and ``comes_and_goes`` say in which shapes it occurs.
+    not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does not heal),
+    0 when both directions occur. ``law`` is how its dependence on the condition may differ. ``sensor`` names the channel of
+    a sensor fault. ``share`` is its part of its state's prior: kinds of one state share it, so that a state with many kinds
+    is no likelier than one with few. ``sudden``, ``growing`` and ``comes_and_goes`` say in which shapes it occurs.
     ``beside`` names a second fault that comes with it: from the onset on the setting goes where it likes.
     """
 

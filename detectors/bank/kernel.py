@@ -62,9 +62,10 @@ def predicted(
 ) -> None:
     """What a state says the sensors show, ``y`` (6,), and its slopes ``H`` (6, N_SLOPES).
 
-    ``direction`` (2, N_COMPONENTS) is what the amplitude moves, and what its product with the law moves on top; ``ripple`` holds the relative slopes of order n of both
-    pressures by the components, shape (2, N_COMPONENTS); ``full`` and ``slopes`` are work space. Only the first
-    ``n_rows`` of ``H`` are needed, at least three; where no more are, those of the lines stay as they are.
+    ``direction`` (2, N_COMPONENTS) is what the amplitude moves, and what its product with the law moves on top;
+    ``ripple`` holds the relative slopes of order n of both pressures by the components, shape (2, N_COMPONENTS);
+    ``full`` and ``slopes`` are work space. Only the first ``n_rows`` of ``H`` are needed, at least three; where no more
+    are, those of the lines stay as they are.
     """
     amplitude, law = state[AMPLITUDE], state[LAW]
     _whole(state, direction, full)
@@ -339,12 +340,18 @@ def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, 
 
 
 @compiled
-def expected_case(m: Array, direction: Array, reading: Reading) -> float:
-    """Case pressure that a filter expects to be measured [bar]."""
+def expected(m: Array, direction: Array, reading: Reading) -> tuple[float, float, float]:
+    """Discharge and case pressure that a filter expects to be measured, and its case over reservoir pressure [bar]."""
     wide, small = scratch()
-    H, slopes, full, y = wide[:N_MEASURED], wide[3 * N_MEASURED : 3 * N_MEASURED + 3], wide[3 * N_MEASURED + 3], small[0]
+    H, slopes, full, y = (
+        wide[:N_MEASURED],
+        wide[3 * N_MEASURED : 3 * N_MEASURED + 3],
+        wide[3 * N_MEASURED + 3],
+        small[0],
+    )
     predicted(m, direction, reading.anchor, reading.ripple, full, slopes, y, H, ZERO + 1)
-    return float(y[CASE])
+    reservoir = reading.anchor[_P_R] + full[RESERVOIR]
+    return float(y[DISCHARGE]), float(y[CASE]), float(y[CASE] - full[CASE_OFFSET] - reservoir)
 
 
 @compiled
@@ -475,17 +482,21 @@ def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) 
 
 @compiled
 def mean_case_flow(
-    filters: Filters, weights: Array, directions: Array, anchor: Array, likeliest: int
-) -> tuple[float, float]:
-    """Case flow at an anchor, averaged over the likeliest filters, and its standard deviation [L/min]."""
-    left = weights.copy()
-    whole, first, second = 0.0, 0.0, 0.0
-    for _ in range(min(likeliest, len(left))):
-        f = np.argmax(left)
+    filters: Filters, weights: Array, directions: Array, anchor: Array, least: float, limit: float, widening: float
+) -> tuple[float, float, float]:
+    """Case flow at an anchor over the filters with at least a ``least`` share: mean, standard deviation, and how likely it
+    lies beyond a limit [L/min], each filter's own spread widened.
+    """
+    whole, first, second, beyond = 0.0, 0.0, 0.0, 0.0
+    most = weights.max()
+    for f in range(len(weights)):
+        if weights[f] < min(least, most):
+            continue
         flow, variance = case_flow(filters.mean[f], filters.covariance[f], directions[filters.kind[f]], anchor)
-        whole += left[f]
-        first += left[f] * flow
-        second += left[f] * (variance + flow * flow)
-        left[f] = -1.0
+        whole += weights[f]
+        first += weights[f] * flow
+        second += weights[f] * (variance + flow * flow)
+        spread = widening * math.sqrt(max(variance, 1.0e-12))
+        beyond += weights[f] * 0.5 * math.erfc((limit - flow) / (spread * math.sqrt(2.0)))
     first /= whole
-    return first, math.sqrt(max(second / whole - first * first, 0.0))
+    return first, math.sqrt(max(second / whole - first * first, 0.0)), beyond / whole

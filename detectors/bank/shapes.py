@@ -142,6 +142,8 @@ class Kinds(NamedTuple):
         one-sigma size, shape (K + 1,); the last row, zeros, serves the healthy pump.
     laws
         Mean and spread of the place of each kind's law, shape (K + 1, 2).
+    signs
+        Sign of each kind's amplitude (0: both), shape (K + 1,).
     log_priors
         How likely each sets in, as stated and shape-neutral, shape (2, N_SHAPES, K) [nat].
     ramp_records
@@ -153,6 +155,7 @@ class Kinds(NamedTuple):
     directions: Array
     scales: Array
     laws: Array
+    signs: Integers
     log_priors: Array
     ramp_records: float
     arrival_mean: float

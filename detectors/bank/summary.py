@@ -39,9 +39,7 @@ def log_normal_above(z: float) -> float:
 
 
 @compiled
-def summed(
-    filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums, which: int, exponent: float
-) -> float:
+def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums, which: int, exponent: float) -> float:
     """Sum the first n filters after ``records`` records into ``sums``; returns the share of pumps that came worn.
 
     ``which`` is the prior: ``STATED`` or ``ALIKE``; the likelihood counts with an ``exponent``.
@@ -95,14 +93,12 @@ def summed(
 @compiled
 def _weigh(filters: Filters, n: int, signs: Integers, weights: Array, which: int, exponent: float) -> None:
     """Posterior shares of the first n filters; one-sided faults by the sign that they came out with."""
-    kind, log_evidence = filters.kind, filters.log_evidence
+    log_evidence = filters.log_evidence
     most = -1.0e300
     for f in range(n):
         by_data = log_evidence[f] - log_evidence[0] - filters.prior[f, STATED]
         weights[f] = filters.prior[f, which] + exponent * by_data
-        if kind[f] >= 0 and signs[kind[f]] == 1:
-            spread = math.sqrt(max(filters.covariance[f, AMPLITUDE, AMPLITUDE], 1.0e-300))
-            weights[f] += log_normal_above(filters.mean[f, AMPLITUDE] / spread) + math.log(2.0)
+        weights[f] += _sign_evidence(filters, f, signs)
         most = max(most, weights[f])
     total = 0.0
     for f in range(n):
@@ -110,6 +106,16 @@ def _weigh(filters: Filters, n: int, signs: Integers, weights: Array, which: int
         total += weights[f]
     for f in range(n):
         weights[f] /= total
+
+
+@compiled
+def _sign_evidence(filters: Filters, f: int, signs: Integers) -> float:
+    """Logarithm of twice the probability that a one-sided fault has its sign; 0 for the others."""
+    k = filters.kind[f]
+    if k < 0 or signs[k] != 1:
+        return 0.0
+    spread = math.sqrt(max(filters.covariance[f, AMPLITUDE, AMPLITUDE], 1.0e-300))
+    return log_normal_above(filters.mean[f, AMPLITUDE] / spread) + math.log(2.0)
 
 
 @compiled
@@ -131,14 +137,14 @@ def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: I
     mean, covariance, kind, log_evidence = filters.mean, filters.covariance, filters.kind, filters.log_evidence
     scales = kinds.scales
     n_kinds = len(scales) - 1
-    likeliest, gone = 0, n_kinds - 1
+    likeliest, gone, most = 0, n_kinds - 1, log_evidence[0]
     for f in range(n):
-        if kind[f] != gone and log_evidence[f] > log_evidence[likeliest]:
-            likeliest = f
-    undone, undone_spread, undone_evidence, undone_prior = (
+        own = log_evidence[f] + _sign_evidence(filters, f, kinds.signs)
+        if kind[f] != gone and own > most:
+            likeliest, most = f, own
+    undone, undone_spread, undone_prior = (
         mean[likeliest].copy(),
         covariance[likeliest].copy(),
-        log_evidence[likeliest],
         filters.prior[likeliest].copy(),
     )
     for k in range(n_kinds):
@@ -156,13 +162,15 @@ def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: I
                 covariance[place, RATE, RATE] = (scales[k] / kinds.ramp_records) ** 2
             mean[place, LAW], covariance[place, LAW, LAW] = kinds.laws[k, 0], kinds.laws[k, 1] ** 2
             kind[place], filters.shape[place], filters.onset[place] = k, form, records
-            filters.unexplained[place], filters.shown[place], filters.misfit[place] = filters.unexplained[0], 0, 0.0
+            from_where = likeliest if k == gone else 0
+            filters.unexplained[place], filters.shown[place] = filters.unexplained[from_where], 0
+            filters.misfit[place] = 0.0
             filters.setting_at_onset[place] = mean[0, SETTING]
             if k == gone:
                 mean[place], covariance[place] = undone, undone_spread
                 for i in (AMPLITUDE, RATE, LAW):
                     mean[place, i], covariance[place, i, :], covariance[place, :, i] = 0.0, 0.0, 0.0
-            start = undone_evidence if k == gone else log_evidence[0]
+            start = most if k == gone else log_evidence[0]
             log_evidence[place] = start + kinds.log_priors[STATED, form, k]
             for which in (STATED, ALIKE):
                 filters.prior[place, which] = kinds.log_priors[which, form, k]

@@ -60,6 +60,14 @@ KEYS: tuple[ThresholdKey, ...] = (
     ThresholdKey("candidate_probability", "-", 0.02, 0.001, 0.5, "share from which a fault stays a candidate"),
     ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),
     ThresholdKey(
+        "case_pressure_limit_bar",
+        "bar",
+        3.5,
+        0.5,
+        20.0,
+        "case over reservoir pressure beyond which an alarm is critical",
+    ),
+    ThresholdKey(
         "alarm_on_delay_flights", "flights", 1.0, 1.0, 20.0, "flights in a row with a fault that raise an alarm"
     ),
     ThresholdKey(
