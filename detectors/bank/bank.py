@@ -25,7 +25,20 @@ from detectors.bank.hypotheses import (
     prior,
     walk_variance,
 )
-from detectors.bank.kernel import CASE, N_MEASURED, ZERO, advance, begun, expected, free, remembered, step, surprise
+from detectors.bank.kernel import (
+    CASE,
+    LINE,
+    N_MEASURED,
+    ZERO,
+    advance,
+    begun,
+    expected,
+    free,
+    remembered,
+    step,
+    surprise,
+)
+from detectors.bank.lines import LineScatter
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import N_FEATURES, Regulation
 from detectors.bank.shapes import (
@@ -63,6 +76,9 @@ DISCREPANCY = 0.02
 and laws that were learnt where the healthy pump runs). Without it a drain ten times as resistant, 3.5 bar, would be weighed
 with the 5 mbar of a sensor's noise, and the least wrong law would win by a hundred nats."""
 _FIRST_RECORDS = 5
+_BREADTH = 4.0
+"""How many times its usual size a fault may have that sets in with a surprise, of every kind alike (estimate: a drain blocked
+tenfold is 18 times its kind's scale, a leak of 2 L/min five times)."""
 _ITERATIONS = 4
 """How often the twin is linearised anew in the first records and where one surprises: a resistance that trebles is no small
 one times a slope, a leak is, and whoever is taken at the slope's word loses."""
@@ -120,6 +136,10 @@ _LEAST_LOAD_LPM = 1.0
 _WALK = walk_variance()
 
 
+Expected = tuple[float, float, float]
+"""Discharge and case pressure as they would be measured, and case over reservoir pressure [bar]."""
+
+
 def _touched_by(freed: Mapping[str, float | None]) -> NDArray[np.bool_]:
     """Kinds of fault that move one of these components, shape (N_KINDS,)."""
     return np.array([any(name in freed for name, _ in (*k.moves, *k.law.moves)) for k in FAULT_KINDS])
@@ -173,6 +193,7 @@ def _empty() -> Filters:
         onset=np.zeros(_CAPACITY, dtype=np.int64),
         log_evidence=np.zeros(_CAPACITY),
         setting_at_onset=np.zeros(_CAPACITY),
+        scale=np.zeros(_CAPACITY),
         prior=np.zeros((_CAPACITY, 2)),
         misfit=np.zeros(_CAPACITY),
         unexplained=np.zeros(_CAPACITY, dtype=np.int64),
@@ -217,6 +238,7 @@ class Bank:
     refits: bool = True
     ended: int = HEALTHY
     resolving: int = HEALTHY
+    line_scatter: LineScatter = field(default_factory=LineScatter)
     regulation: Regulation = field(default_factory=Regulation)
 
     def __post_init__(self) -> None:
@@ -247,12 +269,12 @@ class Bank:
         """Take one record's windows: let time pass, weigh and update every filter."""
         filters = self.filters
         self._pass_time()
-        measurements = tuple(self._with_discrepancy(m) for m in measurements)
+        measurements = tuple(self._with_line_scatter(self._with_discrepancy(m)) for m in measurements)
         surprising = self.records >= _FIRST_RECORDS and self._is_surprising(measurements)
         if surprising:
             # what sets in with a bang is met from its first record on: a candidate that is late by one record would
             # have to explain it away, and whoever does that best is not who is right
-            self.spawn()
+            self.spawn(_BREADTH)
         begun(filters, self.n)
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
@@ -275,17 +297,28 @@ class Bank:
         if not self.reservoir_seen:
             self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
 
-    def expected(self, measurement: Measurement) -> tuple[float, float, float]:
-        """Discharge and case pressure that the healthy pump is expected to show, and its case over reservoir pressure [bar]."""
-        return expected(self.filters.mean[0], DIRECTIONS[HEALTHY], measurement.reading)
+    def expected(self, measurement: Measurement) -> tuple[Expected, Expected]:
+        """What the healthy and what the likeliest filter expect to be measured."""
+        filters, f = self.filters, int(self.filters.log_evidence[: self.n].argmax())
+        of = [expected(filters.mean[k], DIRECTIONS[filters.kind[k]], measurement.reading) for k in (0, f)]
+        return of[0], of[1]
 
     def _with_discrepancy(self, measurement: Measurement) -> Measurement:
         """The measurement with what sensor and laws are unsure of far from where the healthy pump was learnt."""
         if CASE not in measurement.seen:
             return measurement
-        _, case, _ = self.expected(measurement)
+        _, case, _ = expected(self.filters.mean[0], DIRECTIONS[HEALTHY], measurement.reading)
         noise = measurement.noise.copy()
         noise[CASE, CASE] += (DISCREPANCY * (measurement.values[CASE] - case)) ** 2
+        return replace(measurement, noise=noise)
+
+    def _with_line_scatter(self, measurement: Measurement) -> Measurement:
+        """The measurement with the scatter of this pump's own line, which it teaches in turn."""
+        if LINE not in measurement.seen:
+            return measurement
+        noise, before = measurement.noise.copy(), self.line_scatter
+        self.line_scatter = before.with_line(float(measurement.values[LINE]), float(noise[LINE, LINE]))
+        noise[LINE, LINE] += before.variance
         return replace(measurement, noise=noise)
 
     def _is_surprising(self, measurements: tuple[Measurement, ...]) -> bool:
@@ -320,6 +353,7 @@ class Bank:
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
+        measurement = self._with_line_scatter(measurement)
         self._take(measurement, 1)
         self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         self.filters.log_evidence[: self.n] -= self.filters.log_evidence[: self.n].max()
@@ -391,9 +425,12 @@ class Bank:
         self.alive = max(self.alive, N_STATE if loaded else N_LINES if lines else N_SLOW)
         step(self.filters, self.n, DIRECTIONS, measurement.reading, self.alive, iterations)
 
-    def spawn(self) -> None:
-        """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way."""
-        self.n = spawned(self.filters, self.n, self.records, _KINDS, self._most_onsets())
+    def spawn(self, breadth: float = 1.0) -> None:
+        """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way.
+
+        ``breadth`` is how many times its kind's scale its size may be.
+        """
+        self.n = spawned(self.filters, self.n, self.records, _KINDS, self._most_onsets(), breadth)
         self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:

@@ -78,7 +78,7 @@ _TWO = math.exp(-4.0)
 _PUMP, _DRAIN, _SENSOR = State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION, State.SENSOR_FAULT
 _SLIPPERS, _LEAK = (("slipper_extra", 1.0),), 0.4
 _CASE = "case_pressure_bar"
-_RESISTANCE = (("ln_drain", 1.0),)
+_RESISTANCE, _MORE = (("drain_extra", 1.0),), 0.5
 _THROTTLED = Law(
     (("slipper_extra", -1.0), ("throttled", 1.0)),
     0.1,
@@ -117,7 +117,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
         law=Law((("laminar_extra", -1.0), ("throttled", 1.0)), 0.0, 0.1, (("leakage, port plate", 0.0),)),
         share=0.3,
     ),
-    FaultKind("uneven wear", _PUMP, (*_SLIPPERS, ("once", ONCE_PER_LEAKAGE)), 0.2, 0.02, 1, law=_THROTTLED, share=0.2),
+    FaultKind("uneven wear", _PUMP, (*_SLIPPERS, ("once", ONCE_PER_LEAKAGE)), 0.2, 0.02, 1, share=0.2),
     FaultKind("setting", State.COMPENSATOR_FAULT, (("setting", 1.0),), 2.0, 0.7, 0, share=0.8),
     FaultKind("bleed", State.COMPENSATOR_FAULT, (("bleed", 1.0),), 0.2, 0.05, 1, share=0.2),
     FaultKind(
@@ -130,7 +130,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
         law=_GAP_OR_ORIFICE,
         comes_and_goes=True,
     ),
-    FaultKind("drain restriction", _DRAIN, _RESISTANCE, 0.3, 0.06, 1, law=_CLOGGED, comes_and_goes=True),
+    FaultKind("drain restriction", _DRAIN, _RESISTANCE, _MORE, 0.06, 1, law=_CLOGGED, comes_and_goes=True),
     FaultKind("case sensor", _SENSOR, (("case_offset", 1.0),), 0.15, 0.06, 0, _CASE, share=0.4),
     FaultKind("case sensor, span", _SENSOR, (("case_span", -1.0),), 0.3, 0.1, 1, _CASE, share=0.2, growing=False),
     FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.06, 0.0, 0, growing=False),
@@ -138,7 +138,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
         "drain restriction, setting moves",
         _DRAIN,
         _RESISTANCE,
-        0.3,
+        _MORE,
         0.06,
         1,
         law=_CLOGGED,
@@ -260,7 +260,7 @@ _WALK: dict[str, float] = {
     "reservoir": 0.0005,
     "ln_ripple": 0.001,
     "ln_case_ripple": 0.002,
-    "once": 0.002,
+    "once": 0.0005,
     "load_case": 0.001,
     "load_case_square": 0.001,
     "load_warmth": 0.0005,

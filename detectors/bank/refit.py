@@ -166,7 +166,7 @@ def _through(
             if not begun and at >= onset:
                 begun = True
                 filters.setting_at_onset[f] = m[SETTING]
-                spread = kinds.scales[kind] if shape == STEP else kinds.scales[kind] / kinds.ramp_records
+                spread = filters.scale[f] if shape == STEP else filters.scale[f] / kinds.ramp_records
                 begins = AMPLITUDE if shape == STEP else RATE
                 P[begins, begins] = spread**2
                 m[LAW], P[LAW, LAW] = kinds.laws[kind, 0], kinds.laws[kind, 1] ** 2

@@ -34,6 +34,8 @@ class Filters(NamedTuple):
         Log of stated prior times product of predictive densities [nat].
     setting_at_onset
         The setting when the fault set in [bar].
+    scale
+        One-sigma size that the fault was expected to have when it set in, in its kind's unit.
     prior
         Logarithms of the stated and of the shape-neutral prior [nat], shape (M, 2).
     misfit
@@ -49,6 +51,7 @@ class Filters(NamedTuple):
     onset: Integers
     log_evidence: Array
     setting_at_onset: Array
+    scale: Array
     prior: Array
     misfit: Array
     unexplained: Integers

@@ -127,15 +127,16 @@ def _add(moments: Array, weight: float, mean: float, variance: float) -> None:
 
 
 @compiled
-def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: Integers) -> int:
+def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: Integers, breadth: float) -> int:
     """A step and a ramp of each kind setting in now, in place; the least likely old onset gives way. New count.
 
     The last kind begins where the likeliest fault stands, without it: the fault is gone.
 
+    ``breadth`` is how many times its kind's scale the size of a fault may be.
     ``most_onsets`` holds how many of a shape and kind are kept, shape (N_SHAPES, n_kinds).
     """
     mean, covariance, kind, log_evidence = filters.mean, filters.covariance, filters.kind, filters.log_evidence
-    scales = kinds.scales
+    scales = breadth * kinds.scales
     n_kinds = len(scales) - 1
     likeliest, gone, most = 0, n_kinds - 1, log_evidence[0]
     for f in range(n):
@@ -164,7 +165,7 @@ def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: I
             kind[place], filters.shape[place], filters.onset[place] = k, form, records
             from_where = likeliest if k == gone else 0
             filters.unexplained[place], filters.shown[place] = filters.unexplained[from_where], 0
-            filters.misfit[place] = 0.0
+            filters.misfit[place], filters.scale[place] = 0.0, scales[k]
             filters.setting_at_onset[place] = mean[0, SETTING]
             if k == gone:
                 mean[place], covariance[place] = undone, undone_spread

@@ -32,8 +32,9 @@ COMPONENTS: tuple[str, ...] = (
     "load_discharge_square",  # [bar at LOAD_LPM]
     "slipper_extra",  # leakage that came on top, with the slippers' temperature law [L/min at the reference]
     "laminar_extra",  # with the law of a laminar gap [L/min at the reference]
-    "drain_viscous",  # resistance that came on top of the drain's own, with the law of a clogged filter, logarithm of 1 + share
-    "drain_orifice",  # with the law of a narrowed fitting, logarithm of 1 + share
+    "drain_extra",  # resistance that came on top of the drain's own, with its law, as a share of it [-]
+    "drain_viscous",  # the same with the law of a clogged filter
+    "drain_orifice",  # with the law of a narrowed fitting
     "case_span",  # share of its span that the case sensor has gained [-]
 )
 N_COMPONENTS = len(COMPONENTS)
@@ -64,6 +65,7 @@ N_COMPONENTS = len(COMPONENTS)
     LOAD_DISCHARGE_SQUARE,
     SLIPPER_EXTRA,
     LAMINAR_EXTRA,
+    DRAIN_EXTRA,
     DRAIN_VISCOUS,
     DRAIN_ORIFICE,
     CASE_SPAN,

@@ -39,7 +39,7 @@ _UNITS = {
     "setting": "bar",
     "case_offset": "bar",
     "reservoir": "bar",
-    "ln_drain": "%",
+    "drain_extra": "%",
 }
 
 
@@ -207,4 +207,4 @@ def _sizes(needed: float, left: Array, own: Array, largest: float) -> Array:
 
 
 def _in_unit(kind: FaultKind, size: float) -> float:
-    return 100.0 * math.expm1(size) if kind.component == "ln_drain" else size
+    return 100.0 * size if kind.component == "drain_extra" else size

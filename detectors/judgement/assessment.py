@@ -186,7 +186,10 @@ class Fold:
 
     def _reference(self, found: Measured | None) -> Reference | None:
         """What the healthy pump is expected to show in the window that the flight is judged by."""
-        return None if found is None else Reference(*self.bank.expected(found.measurements[-1]))
+        if found is None:
+            return None
+        healthy, leading = self.bank.expected(found.measurements[-1])
+        return Reference(*healthy, leading[1])
 
     def _missing(self) -> int:
         """Records that a baseline still needs; none or less when it stands."""

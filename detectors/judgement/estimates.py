@@ -59,7 +59,7 @@ def estimates(bank: Bank, found: Evidence, reference: Array, limit_lpm: float) -
         values[quantity] = _interval(first, math.sqrt(max(whole - first**2, 0.0)))
     values[_DRAIN] = _in_percent(values[_DRAIN])
     if _DRAIN in smallest:
-        smallest[_DRAIN] = 100.0 * math.expm1(smallest[_DRAIN])
+        smallest[_DRAIN] = 100.0 * smallest[_DRAIN]
     mean, sd, beyond = mean_case_flow(
         bank.filters, found.weights, DIRECTIONS, reference, _LEAST_SHARE, limit_lpm, WIDENING
     )
@@ -67,8 +67,8 @@ def estimates(bank: Bank, found: Evidence, reference: Array, limit_lpm: float) -
     return Found(values, smallest, beyond)
 
 
-def _in_percent(logarithm: Estimate) -> Estimate:
-    return Estimate(*(100.0 * math.expm1(min(v, 5.0)) for v in (logarithm.mean, logarithm.low, logarithm.high)))
+def _in_percent(share: Estimate) -> Estimate:
+    return Estimate(*(100.0 * value for value in (share.mean, share.low, share.high)))
 
 
 def _interval(mean: float, sd: float) -> Estimate:

@@ -14,7 +14,7 @@ Freed = Mapping[str, float | None]
 
 _POPULATION = None
 _FLUID: Freed = {"ln_viscosity": _POPULATION}
-_CLOGS: Freed = {"drain_viscous": _POPULATION, "drain_orifice": _POPULATION}
+_CLOGS: Freed = {"drain_extra": _POPULATION, "drain_viscous": _POPULATION, "drain_orifice": _POPULATION}
 """What clogs the drain ends with the work on it, whatever its law."""
 _CASE_SENSOR: Freed = {"case_offset": _POPULATION, "case_span": _POPULATION}
 _RESERVOIR_SENSOR: Freed = {"reservoir": _POPULATION}

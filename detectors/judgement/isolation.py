@@ -18,7 +18,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "pump_leakage_change_lpm": ("slipper_extra", "laminar_extra"),
     "system_leakage_change_lpm": ("system_orifice",),
     "pressure_setting_change_bar": ("setting",),
-    "drain_resistance_change_percent": ("ln_drain",),
+    "drain_resistance_change_percent": ("drain_extra",),
 }
 """Estimated changes, and the components that they are counted in."""
 WORN_PROBABILITY = 0.5
@@ -40,7 +40,9 @@ class Evidence:
 
     ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
     ``weights`` are the filters' shares, shape (m,); ``shares`` are those of the faults and of ``other`` among what
-    changed since the first record, ``surely`` the least of them under either prior; ``arrival`` is the probability that the pump came worn;
+    changed since the first record, ``surely`` the least of them under either prior; ``arrival`` is the probability that
+    the pump came worn; ``early`` says that the
+    likeliest change set in before the baseline stood;
     ``together`` holds the shares of two faults by the first and the second, shape (n, n) in the order of ``FAULTS``;
     ``moments`` belong to ``QUANTITIES`` (``detectors.bank.shapes.Sums``).
     """
@@ -51,6 +53,7 @@ class Evidence:
     shares: Mapping[State, float]
     surely: Mapping[State, float]
     arrival: float
+    early: bool
     together: Array
     moments: Array
 
@@ -101,6 +104,7 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         shares=dict(zip(_CHANGES, (0.5 * (a + b) for a, b in zip(shares, alike, strict=True)), strict=True)),
         surely=dict(zip(_CHANGES, map(min, shares, alike), strict=True)),
         arrival=arrival,
+        early=bool(bank.filters.onset[int(sums.weights.argmax())] < thresholds["baseline_records"]),
         together=sums.together,
         moments=sums.moments,
     )
@@ -150,11 +154,10 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
     leader = max(_CHANGES, key=lambda f: share[f])
     by_side = {s: sum(surely[f] for f in faults) for s, faults in _FAULTS_OF.items()}
     side = max(by_side, key=lambda s: by_side[s])
-    level = thresholds["system_side_probability" if side is Side.SYSTEM else "side_probability"]
+    level = _level(thresholds["system_side_probability" if side is Side.SYSTEM else "side_probability"], found)
     records = thresholds["side_records"]
-    state_for = _led_for(
-        surely[leader], thresholds["state_probability"], alarm.state_for if alarm.state is leader else 0, records
-    )
+    of_state = _level(thresholds["state_probability"], found)
+    state_for = _led_for(surely[leader], of_state, alarm.state_for if alarm.state is leader else 0, records)
     side_for = _led_for(by_side[side], level, alarm.side_for if alarm.side is side else 0, records)
     following = Alarm(
         raised, above, leader if state_for else None, state_for, side if side_for else None, side_for, worn_for
@@ -171,6 +174,11 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
     likely = set(sorted(rivals, key=lambda f: share[f])[-2:])
     candidates = tuple(f for f in rivals if f in likely or share[f] >= thresholds["candidate_probability"])
     return following, Decision(State.INDETERMINATE, candidates)
+
+
+def _level(share: float, found: Evidence) -> float:
+    """Share that a name needs: ten times as sure where the change set in before the pump's own reference stood."""
+    return 1.0 - 0.1 * (1.0 - share) if found.early else share
 
 
 def _led_for(share: float, level: float, before: int, records: float) -> int:

@@ -29,6 +29,8 @@ some 10; at 150 bar the cockpit's lamp would be lit)."""
 _FOLLOWS = 0.5
 """Share of a rise of the case pressure that the discharge pressure must show with it: the spool refers to the case, so it
 follows bar for bar."""
+_NEARLY = 0.8
+"""Share of its full scale that the likeliest cause must expect for a sensor that stands there to be believed."""
 SATURATED_SD_BAR = 0.7
 """How far above a sensor's full scale the pressure may be (estimate: a drain blocked tenfold reaches 5.4 bar of 5 at 80 degC)."""
 TWICE = 2.0
@@ -49,11 +51,15 @@ class Doubt:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """What a pump's own healthy filter expects a window to show: both pressures as measured, and case over reservoir [bar]."""
+    """What a pump's own healthy filter expects a window to show: both pressures as measured, and case over reservoir [bar].
+
+    ``leading_case_bar`` is the case pressure that the likeliest filter expects, with its fault.
+    """
 
     discharge_bar: float
     case_bar: float
     over_reservoir_bar: float
+    leading_case_bar: float
 
 
 def doubt(
@@ -114,7 +120,7 @@ def _at_full_scale(observation: Observation, pump: PumpType, reference: Referenc
         return Doubt(CASE, why, (State.DRAIN_RESTRICTION, State.SENSOR_FAULT))
     risen = window.means[DISCHARGE].mean - reference.discharge_bar
     needed = _FOLLOWS * (full_scale - reference.case_bar)
-    if risen >= needed:
+    if risen >= needed or reference.leading_case_bar >= _NEARLY * full_scale:
         return None
     return Doubt(CASE, f"{why}, and the discharge pressure has not risen with it ({risen:+.1f} bar)")
 

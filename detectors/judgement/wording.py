@@ -33,8 +33,8 @@ _QUANTITIES: Mapping[str, str] = {
     "pump_leakage_change_lpm": "leakage above {below:.1f} L/min",
     "drain_resistance_change_percent": "what a drain and a pump do differently",
 }
-_LIKELY_BEYOND = 0.3
-"""Probability of being beyond the limit from which nobody is told to fly on (our choice: one in three is no small print)."""
+_LIKELY_BEYOND = 0.5
+"""Probability of being beyond the limit from which nobody is told to fly on."""
 
 
 @dataclass(frozen=True, slots=True)
