@@ -255,6 +255,8 @@ class Fold:
         if previous is not None and previous.state is decision.state and previous.since is not None:
             since = previous.since
         shown = coming_and_going(self.bank, found, decision.state, self.memory.since)
+        # what stands now neither went nor came back: it is what the state says
+        vanished = self.memory.came_and_went if decision.state is State.HEALTHY else None
         return verdict_of(
             decision,
             found,
@@ -266,7 +268,7 @@ class Fold:
                 missing=max(missing, 0),
                 coverage=self.coverage,
                 fit=fit,
-                intermittent=shown or self.memory.came_and_went,
+                intermittent=shown or vanished,
                 resolved_by=self.memory.resolved,
                 case_pressure=self.case_pressure,
                 sensor=leading_sensor(self.bank, found),
@@ -281,7 +283,8 @@ class Fold:
 
     def _remember(self, decision: Decision, found: Evidence, observation: Observation) -> None:
         """Keep in mind what leads the alarm, and what ended."""
-        if self.bank.ended != HEALTHY:
+        # an entry has resolved nothing as long as something is still wrong
+        if self.bank.ended != HEALTHY and decision.state is State.HEALTHY:
             self.memory = self.memory.ended(FAULT_KINDS[self.bank.ended].state)
             self.bank.ended = HEALTHY
         if self.used:
