@@ -254,6 +254,7 @@ class Fold:
         since = observation.at
         if previous is not None and previous.state is decision.state and previous.since is not None:
             since = previous.since
+        suspects_a_sensor = State.SENSOR_FAULT in (decision.state, *decision.candidates)
         shown = coming_and_going(self.bank, found, decision.state, self.memory.since)
         return verdict_of(
             decision,
@@ -269,7 +270,7 @@ class Fold:
                 intermittent=shown or self.memory.came_and_went,
                 resolved_by=self.memory.resolved,
                 case_pressure=self.case_pressure,
-                sensor=leading_sensor(self.bank, found),
+                sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
             ),
         )
 

@@ -55,7 +55,7 @@ KEYS: tuple[ThresholdKey, ...] = (
     ),
     ThresholdKey("state_probability", "-", 0.97, 0.5, 0.9999, "share of one fault among all faults to be named"),
     ThresholdKey(
-        "side_records", "records", 12.0, 1.0, 50.0, "records in a row above such a share before side or fault is named"
+        "side_records", "records", 6.0, 1.0, 50.0, "records in a row above such a share before side or fault is named"
     ),
     ThresholdKey("candidate_probability", "-", 0.02, 0.001, 0.5, "share from which a fault stays a candidate"),
     ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),
