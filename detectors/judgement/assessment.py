@@ -31,7 +31,7 @@ from detectors.judgement.isolation import (
 from detectors.judgement.memory import Memory
 from detectors.judgement.plausibility import (
     IMPLAUSIBLE_FLIGHTS,
-    SATURATED_SD_BAR,
+    SATURATED_BAR,
     Doubt,
     Reference,
     case_pressure,
@@ -331,6 +331,8 @@ def _measured_trend(observation: Observation, residuals: Mapping[str, Residual])
 def _lower_bound(found: Measured) -> Measured:
     """What a sensor at its full scale shows: at least that, give or take what a blocked drain may add."""
     *rest, last = found.measurements
-    noise = last.noise.copy()
-    noise[CASE, CASE] += SATURATED_SD_BAR**2
-    return replace(found, measurements=(*rest, replace(last, noise=noise)))
+    values, noise = last.values.copy(), last.noise.copy()
+    above, sd = SATURATED_BAR
+    values[CASE] += above
+    noise[CASE, CASE] += sd**2
+    return replace(found, measurements=(*rest, replace(last, values=values, noise=noise)))
