@@ -336,6 +336,24 @@ def test_operating_point_answers_with_a_problem_in_place(client: TestClient) -> 
     }
 
 
+def test_operating_point_with_a_fluid_by_name(client: TestClient) -> None:
+    place = {"speed_rpm": 4600, "fluid_temperature_degc": 60}
+    names = [None, "MIL-PRF-83282", "MIL-PRF-87257", "MIL-PRF-5606", "AS1241 Type IV/V phosphate ester"]
+    conditions = [{**place, "fluid": name} for name in names]
+    items = client.post(f"{API}/twin/operating-point", json={"conditions": conditions}).json()["items"]
+    own, same, thin, mineral, ester = (item["leakage_lpm"]["pistons"] for item in items)
+    assert own == same
+    # the thinner the more; the ester's density makes up for its lower kinematic viscosity
+    assert mineral < own < thin
+    assert ester == pytest.approx(own, rel=0.05)
+    wrong = [{**place, "fluid": "olive oil"}, place, {**place, "fluid": ""}]
+    refused = client.post(f"{API}/twin/operating-point", json={"conditions": wrong})
+    assert refused.status_code == 422
+    errors = {e["where"]: e["problem"] for e in refused.json()["errors"]}
+    assert set(errors) == {"body.conditions.0.fluid", "body.conditions.2.fluid"}
+    assert "MIL-PRF-5606, MIL-PRF-83282, MIL-PRF-87257" in errors["body.conditions.0.fluid"]
+
+
 def test_operations(client: TestClient) -> None:
     assert client.get("/healthz").json() == {"status": "alive"}
     assert client.get("/readyz").json()["checks"] == {"database": "ok", "raw_store": "ok"}
