@@ -8,10 +8,12 @@ published value is at hand the source says "estimate".
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
-from twin.laws.fluid import Fluid, kinematic_viscosity
+from twin.laws.fluid import P_ATMOSPHERE, Fluid, gap_viscosity, kinematic_viscosity
+from twin.numbers import ZERO_FLOW_PRESSURE
 from twin.parameters import PumpType, Quantity, block
 from twin.units import KELVIN_AT_0_DEGC
 
@@ -24,6 +26,8 @@ _AIR_EXPONENT = Quantity(1.2, "-", "estimate: between isothermal (1) and adiabat
 SPREAD_DEGC: tuple[float, ...] = (0.0, 40.0, 100.0)
 """Temperatures at which a product's spreads of viscosity are stated [degC]."""
 Spread = tuple[float, float, float]
+_COLDEST, _HOTTEST, _SAME_K = 223.15, 423.15, 1e-6
+"""Where a temperature of equal viscosity is looked for, and how closely [K]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +218,8 @@ def fluid_named(name: str) -> Fluid:
 def with_fluid(kind: PumpType, name: str | None) -> PumpType:
     """The pump type filled with a product: its constants, and their sources among the type's quantities.
 
-    None leaves the type's own fluid.
+    The reference condition moves to the temperature at which the gaps see the viscosity of the type's own fluid at its
+    own: a limit of the acceptance sheet means wear, and half the viscosity is no wear. None leaves the type's own fluid.
 
     Raises
     ------
@@ -225,7 +230,29 @@ def with_fluid(kind: PumpType, name: str | None) -> PumpType:
         return kind
     fluid = fluid_named(name)
     quantities = {**kind.quantities, **{f"fluid.{key}": q for key, q in PRODUCTS[name].quantities.items()}}
-    return replace(kind, pump=kind.pump._replace(fluid=fluid), quantities=quantities)
+    limits = dict(kind.limits)
+    if fluid != kind.pump.fluid:
+        acceptance = limits["reference_temperature_k"]
+        T = _as_viscous_at(fluid, kind.pump.fluid, acceptance.si)
+        source = f"as viscous in the gaps as the type's own fluid at {acceptance.value:g} K; {acceptance.source}"
+        limits["reference_temperature_k"] = replace(acceptance, value=T, source=source)
+    return replace(kind, pump=kind.pump._replace(fluid=fluid), quantities=quantities, limits=limits)
+
+
+@lru_cache(maxsize=256)
+def _as_viscous_at(fluid: Fluid, other: Fluid, T: float) -> float:
+    """Temperature [K] at which a fluid has the viscosity in gaps at zero flow that another one has at ``T`` [K]."""
+    wanted = _in_gaps(other, T)
+    low, high = _COLDEST, _HOTTEST
+    # viscosity falls steadily with temperature
+    while high - low > _SAME_K:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _in_gaps(fluid, middle) > wanted else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _in_gaps(fluid: Fluid, T: float) -> float:
+    return gap_viscosity(fluid, T, P_ATMOSPHERE + ZERO_FLOW_PRESSURE, P_ATMOSPHERE)
 
 
 def ln_viscosity_ratio(name: str, other: str, celsius: float) -> float:
