@@ -96,6 +96,13 @@ class TestPump:
         assert demand == sorted(demand)
         assert heights == sorted(heights)
         assert all(p["low"] < p["y"] < p["high"] for p in curve["curve"])
+        # what is unknown is so in both directions
+        assert all(c[0][0] > 0.0 and c[1][1] > 0.0 for c in (p["covariance"] for p in curve["curve"] + curve["points"]))
+        assert curve["baseline"]["records"] == 12
+        assert len(curve["readings"]) == len(curve["residuals_by_temperature"]["points"]) == 12
+        assert curve["residuals_by_temperature"]["laws"] == {}
+        assert curve["measured_curve"] == []
+        assert curve["directions"]["compensator_fault"]["both_ways"]
         # a worn pump lifts the case pressure, a moved setting shifts the discharge pressure alone
         assert curve["directions"]["pump_degradation"]["dy"] > 0.1
         assert abs(curve["directions"]["compensator_fault"]["dy"]) < 0.01
