@@ -98,7 +98,7 @@ class Direction:
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """Where this pump's reference lies relative to the nominal twin [bar], and the records that it rests on."""
+    """Where this pump's reference lies relative to the nominal twin [bar], and the records here that it rests on."""
 
     dx: float
     dy: float
@@ -168,8 +168,9 @@ def damage_identification_curve(
         y = float(place.xy[1]) + shift.case_bar
         points.append(PumpPoint(sight.at, float(place.xy[0]), y, _pairs(place.covariance)))
     discharge, case = nominal_pressures(anchor)
-    baseline = Baseline(curve[0].x - discharge, curve[0].y - (case - float(anchor[_RESERVOIR])), len(seen))
-    readings, excess = _readings(history, seen, last, (curve[0].x, curve[0].y), pump, circuit, healthy)
+    here = min(fold.since_installed, len(seen))
+    baseline = Baseline(curve[0].x - discharge, curve[0].y - (case - float(anchor[_RESERVOIR])), here)
+    readings, excess = _readings(history, seen, last, baseline, (curve[0].x, curve[0].y), pump, circuit, healthy)
     return Curve(
         conditions,
         baseline,
@@ -196,6 +197,7 @@ def _readings(
     history: History,
     seen: Sequence[Sight],
     last: Sight,
+    baseline: Baseline,
     foot: tuple[float, float],
     pump: PumpType,
     circuit: Circuit,
@@ -216,7 +218,7 @@ def _readings(
         y = foot[1] + beyond[1]
         readings.append(Reading(sight.at, foot[0] + beyond[0], y, y + zero - first))
         # nobody knows how much of it is the reservoir's where that is not measured
-        told = number >= len(seen) - NEWEST and plain.reservoir_measured
+        told = number >= len(seen) - min(NEWEST, baseline.records) and plain.reservoir_measured
         sd = sd if plain.reservoir_measured else math.hypot(sd, reservoir_noise_sd(window, pump))
         excess.append(Excess(sight.at, window.means[_WARMTH_K].mean, beyond[1], sd, told))
     return tuple(readings), tuple(excess)

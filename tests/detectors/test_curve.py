@@ -3,6 +3,7 @@
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -167,6 +168,16 @@ def test_no_law_where_the_reservoir_is_unknown_or_the_size_absurd() -> None:
     laws = curve_of(history(5, 40, blocked)).laws or {}
     assert laws["drain_restriction"].size == pytest.approx(900.0, rel=0.15)
     assert "system_leakage" not in laws
+
+
+def test_a_pump_that_moved_is_seen_against_where_it_sits_now() -> None:
+    ordered = sorted(history(5, 40).observations, key=lambda o: o.at)
+    moved = [replace(o, aircraft="F-2") if i >= 34 else o for i, o in enumerate(ordered)]
+    curve = curve_of(History(tuple(moved)))
+    assert len(curve.points) == 40
+    assert curve.baseline.records == 6
+    assert sum(e.fitted for e in curve.excess) == 6
+    assert "from 6 records" in curve_svg(curve, "pump X")
 
 
 def test_law_tells_the_size_of_the_fault() -> None:

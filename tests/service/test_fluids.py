@@ -1,19 +1,22 @@
 """An aircraft names its fluid, and its pumps are judged by a twin with that fluid; on both databases."""
 
 import math
+from datetime import UTC, datetime
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
 from detectors.expectation.type_correction import HealthyCurve, HealthyPoint
+from detectors.words.flights import Outline
 from service.demo.fleet import HEALTHY, DemoPump, DemoRecord, pump_records
-from service.history.known import Known
+from service.history.known import Known, PlacedRecord
 from service.history.setting import Setting
+from service.monitoring.chain import chain
 from twin.condition import Condition
 from twin.operating_point import operating_point
 from twin.pumps import circuit_parameters, pump_type
-from twin.pumps.fluids import with_fluid
+from twin.pumps.fluids import FLUIDS, with_fluid
 
 API = "/api/v1"
 THIN = "MIL-PRF-87257"
@@ -119,3 +122,15 @@ def test_a_measured_curve_that_does_not_hold_is_said(client: TestClient, thin_re
     client.patch(f"{API}/aircraft/F-87", json={"fluid": THIN})
     flags = verdict(client)["quality"]["flags"]
     assert any(f"not one with {THIN}: judged against the twin (2 records)" in flag for flag in flags)
+
+
+def test_links_of_a_history_follow_the_fluid() -> None:
+    """Else what was folded with another fluid would be taken for what holds."""
+
+    def links(fluid: str | None) -> list[str]:
+        outline = Outline("r1", datetime(2026, 5, 2, tzinfo=UTC), "F-87", "LH", "F1", None, True, False)
+        return chain(Known(pump_type("h225"), {}, (PlacedRecord(outline, "0", Setting(fluid=fluid)),)))
+
+    assert links(THIN) != links(None)
+    assert links("MIL-PRF-83282") == links(None)
+    assert len({tuple(links(name)) for name in FLUIDS}) == len(FLUIDS)
