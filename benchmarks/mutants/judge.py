@@ -106,7 +106,7 @@ MUTANTS: tuple[Mutant, ...] = (
     _curve("points", "y + zero - first", "y"),
     _curve("points", "- zero\n    sd", "\n    sd"),
     _curve("points", "kind.sign == 0", "kind.sign != 0"),
-    _curve("laws", "if amplitude >= LARGEST[kind.state]:", "if False:"),
+    _curve("laws", "if amplitude >= largest:", "if False:"),
     _curve("laws", "np.array([e.standard_deviation for e in fitted]) ** -2.0", "np.ones(len(fitted))"),
     _curve("labels", "and self.top < other.bottom", "and self.top < other.top"),
 )

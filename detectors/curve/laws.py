@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.bank.hypotheses import FAULT_KINDS
-from detectors.curve.sights import Sight, moved
+from detectors.curve.sights import Sight, amplitude_of, moved, size_of
 from detectors.expectation.anchor import anchors
 from detectors.words.states import State
 from twin.condition import Condition
@@ -32,9 +32,9 @@ _MARGIN_K, _N_TEMPERATURES = 4.0, 13
 LARGEST: Mapping[State, float] = {
     State.PUMP_DEGRADATION: 4.0,
     State.SYSTEM_LEAKAGE: 12.0,
-    State.DRAIN_RESTRICTION: 3.0,
+    State.DRAIN_RESTRICTION: 20.0,
 }
-"""Faults that lift the case pressure, with the largest amplitude that is sought [L/min; logarithm of the resistance]."""
+"""Faults that lift the case pressure, with the largest size that is sought [L/min; share of the resistance]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +99,9 @@ def laws_through(
     for k, kind in enumerate(FAULT_KINDS):
         if kind.state not in LARGEST or kind.state.value in found:
             continue
-        amplitude = _amplitude(sight, rows[: len(at)], k, values, weights, LARGEST[kind.state])
-        if amplitude >= LARGEST[kind.state]:
+        largest = amplitude_of(kind, LARGEST[kind.state])
+        amplitude = _amplitude(sight, rows[: len(at)], k, values, weights, largest)
+        if amplitude >= largest:
             continue
         drawn = tuple(
             (float(t), float(moved(sight, row, k, amplitude)[1]))
@@ -108,9 +109,11 @@ def laws_through(
             if good
         )
         missed = values - _added(sight, rows[: len(at)], k, amplitude)
-        size, unit = (100.0 * np.expm1(amplitude), "%") if kind.component == "ln_drain" else (amplitude, "L/min")
+        size, unit = size_of(kind, amplitude), "L/min"
+        if kind.state is State.DRAIN_RESTRICTION:
+            size, unit = 100.0 * size, "%"
         misfit = float(np.sqrt(np.mean(weights * missed**2)))
-        found[kind.state.value] = Law(float(size), unit, misfit, drawn)
+        found[kind.state.value] = Law(size, unit, misfit, drawn)
     return found
 
 

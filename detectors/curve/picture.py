@@ -66,7 +66,7 @@ def curve_svg(curve: Curve, title: str) -> str:
 def _legend(curve: Curve) -> str:
     if curve.baseline.records == 0:
         return "line: a pump of the type, growing demand; band: 90 %"
-    return f"line: this pump without a fault, growing demand; band: 90 %, from {curve.baseline.records} records"
+    return f"line: this pump without a fault, growing demand; band: 90 %; {curve.baseline.records} records here"
 
 
 def _marks(curve: Curve) -> str:

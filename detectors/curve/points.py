@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,9 @@ from numpy.typing import NDArray
 from detectors.bank.bank import Measurement
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.kernel import CASE, DISCHARGE, ZERO
-from detectors.bank.measurement import measured_windows
+from detectors.bank.measurement import Measured, measured_windows
 from detectors.curve.laws import NEWEST, Excess, Law, laws_through
-from detectors.curve.sights import Sight, moved, place_of, reference_of, sight_of, sights
+from detectors.curve.sights import Sight, amplitude_of, moved, place_of, reference_of, sight_of, sights
 from detectors.expectation.anchor import COLUMN, anchors
 from detectors.expectation.reduced_twin import nominal_pressures
 from detectors.expectation.residuals import matching_condition, reservoir_noise_sd
@@ -45,9 +46,9 @@ _SIZES: Mapping[State, tuple[float, str]] = {
     State.PUMP_DEGRADATION: (0.5, "0.5 L/min"),
     State.COMPENSATOR_FAULT: (2.0, "2 bar"),
     State.SYSTEM_LEAKAGE: (3.0, "3 L/min"),
-    State.DRAIN_RESTRICTION: (float(np.log(1.5)), "50 %"),
+    State.DRAIN_RESTRICTION: (0.5, "50 %"),
 }
-"""Amplitude of the fault that an arrow stands for, and how it is written."""
+"""Size of the fault that an arrow stands for, and how it is written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,7 @@ class Direction:
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """Where this pump's reference lies relative to the nominal twin [bar], and the records here that it rests on."""
+    """Where this pump's reference lies relative to the nominal twin [bar], and the records since the pump sits here."""
 
     dx: float
     dy: float
@@ -168,9 +169,12 @@ def damage_identification_curve(
         y = float(place.xy[1]) + shift.case_bar
         points.append(PumpPoint(sight.at, float(place.xy[0]), y, _pairs(place.covariance)))
     discharge, case = nominal_pressures(anchor)
-    here = min(fold.since_installed, len(seen))
-    baseline = Baseline(curve[0].x - discharge, curve[0].y - (case - float(anchor[_RESERVOIR])), here)
-    readings, excess = _readings(history, seen, last, baseline, (curve[0].x, curve[0].y), pump, circuit, healthy)
+    by_id = {o.record_id: o for o in history.observations}
+    judged = [by_id[s.record_id] for s in seen]
+    here = _here(judged, history.installed_at)
+    baseline = Baseline(curve[0].x - discharge, curve[0].y - (case - float(anchor[_RESERVOIR])), len(here))
+    shown = measured_windows(judged, {}, pump, circuit, healthy)
+    readings, excess = _readings(judged, shown, last, here, (curve[0].x, curve[0].y), pump)
     return Curve(
         conditions,
         baseline,
@@ -194,44 +198,48 @@ def latest_condition(observations: Sequence[Observation], pump: PumpType) -> Con
 
 
 def _readings(
-    history: History,
-    seen: Sequence[Sight],
+    judged: Sequence[Observation],
+    shown: Mapping[str, Measured],
     last: Sight,
-    baseline: Baseline,
+    here: Sequence[Observation],
     foot: tuple[float, float],
     pump: PumpType,
-    circuit: Circuit,
-    healthy: HealthyCurve | None,
 ) -> tuple[tuple[Reading, ...], tuple[Excess, ...]]:
-    """Records as measured: brought to the foot of the curve, and beyond the reference at their own condition."""
-    by_id = {o.record_id: o for o in history.observations}
-    judged = [by_id[s.record_id] for s in seen]
-    found = measured_windows(judged, {}, pump, circuit, healthy)
-    readings, excess, first = [], [], _first_zero(judged)
-    for number, (sight, observation) in enumerate(zip(seen, judged, strict=True)):
-        measured, window = found.get(sight.record_id), observation.reduction.zero_flow
+    """Records as measured: brought to the foot of the curve, and beyond the reference at their own condition.
+
+    ``here`` are those since the pump sits where it is: laws go through no others.
+    """
+    readings, excess, first = [], [], _first_zero(here)
+    newest = {o.record_id for o in here[-NEWEST:]}
+    for observation in judged:
+        measured, window = shown.get(observation.record_id), observation.reduction.zero_flow
         if measured is None or window is None or CASE not in measured.measurements[-1].seen:
             continue
         plain = measured.measurements[-1]
         zero = observation.reduction.zero.offset_bar
         beyond, sd = _beyond(plain, zero, last)
         y = foot[1] + beyond[1]
-        readings.append(Reading(sight.at, foot[0] + beyond[0], y, y + zero - first))
+        readings.append(Reading(observation.at, foot[0] + beyond[0], y, y + zero - first))
         # nobody knows how much of it is the reservoir's where that is not measured
-        told = number >= len(seen) - min(NEWEST, baseline.records) and plain.reservoir_measured
+        told = observation.record_id in newest and plain.reservoir_measured
         sd = sd if plain.reservoir_measured else math.hypot(sd, reservoir_noise_sd(window, pump))
-        excess.append(Excess(sight.at, window.means[_WARMTH_K].mean, beyond[1], sd, told))
+        excess.append(Excess(observation.at, window.means[_WARMTH_K].mean, beyond[1], sd, told))
     return tuple(readings), tuple(excess)
 
 
-def _first_zero(judged: Sequence[Observation]) -> float:
-    """Zero of the case sensor in the first records since the pump sits where it is [bar]; 0 where none was measured."""
-    if not judged:
-        return 0.0
-    here = (judged[-1].aircraft, judged[-1].position)
-    elsewhere = [i for i, o in enumerate(judged) if (o.aircraft, o.position) != here]
-    since = judged[elsewhere[-1] + 1 :] if elsewhere else judged
-    zeros = [o.reduction.zero.offset_bar for o in since if o.reduction.zero.measured][:FIRST_RECORDS]
+def _here(judged: Sequence[Observation], installed_at: Sequence[datetime]) -> Sequence[Observation]:
+    """Records since the pump sits where its newest one saw it."""
+    start = 0
+    for i, (before, after) in enumerate(pairwise(judged), 1):
+        moved_on = (before.aircraft, before.position) != (after.aircraft, after.position)
+        if moved_on or any(before.at < t <= after.at for t in installed_at):
+            start = i
+    return judged[start:]
+
+
+def _first_zero(here: Sequence[Observation]) -> float:
+    """Zero of the case sensor in the first records here [bar]; 0 where none was measured."""
+    zeros = [o.reduction.zero.offset_bar for o in here if o.reduction.zero.measured][:FIRST_RECORDS]
     return float(np.median(zeros)) if zeros else 0.0
 
 
@@ -248,8 +256,8 @@ def _directions(sight: Sight, anchor: Array) -> dict[str, Direction]:
     found: dict[str, Direction] = {}
     for k, kind in enumerate(FAULT_KINDS):
         if kind.state in _SIZES and kind.state.value not in found:
-            amplitude, per = _SIZES[kind.state]
-            dx, dy = moved(sight, anchor, k, amplitude)
+            size, per = _SIZES[kind.state]
+            dx, dy = moved(sight, anchor, k, amplitude_of(kind, size))
             found[kind.state.value] = Direction(float(dx), float(dy), per, kind.sign == 0)
     return found
 

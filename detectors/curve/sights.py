@@ -4,6 +4,7 @@ Only the likeliest filters count, as in the estimates. A filter's fault is what 
 filter says where this pump would be if nothing had happened to it, its reference.
 """
 
+import math
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.bank.bank import DIRECTIONS, HEALTHY
-from detectors.bank.hypotheses import FAULT_KINDS
+from detectors.bank.hypotheses import FAULT_KINDS, FaultKind
 from detectors.bank.kernel import CASE, DISCHARGE, N_MEASURED, N_SLOPES, predicted
 from detectors.bank.measurement import NO_RIPPLE
 from detectors.expectation.anchor import COLUMN
@@ -28,6 +29,8 @@ _N_LIKELY = 3
 """Filters that count (estimate: those of the case flow's estimate)."""
 _OF_SENSORS = (PLACE["case_offset"], PLACE["reservoir"])
 """Components that are no part of where the pump really is."""
+_LOGARITHM = "ln_"
+"""How the names of components begin that are logarithms."""
 _SYSTEM = PLACE["system_orifice"]
 _RESERVOIR = COLUMN["reservoir"]
 
@@ -95,6 +98,16 @@ def place_of(sight: Sight, anchor: Array) -> Place:
 def reference_of(sight: Sight, anchor: Array, demand_lpm: float = 0.0) -> Place:
     """Where the same pump would be without its fault, under a demand of the circuit [L/min at 175 bar]."""
     return _mixed(sight, anchor, _healthy_states(sight, demand_lpm), _healthy_kinds(sight))
+
+
+def amplitude_of(kind: FaultKind, size: float) -> float:
+    """Amplitude of a fault of one kind by its size: a share is counted as a logarithm where the component is one."""
+    return math.log1p(size) if kind.component.startswith(_LOGARITHM) else size
+
+
+def size_of(kind: FaultKind, amplitude: float) -> float:
+    """The other way round."""
+    return math.expm1(amplitude) if kind.component.startswith(_LOGARITHM) else amplitude
 
 
 def moved(sight: Sight, anchor: Array, kind: int, amplitude: float) -> Array:

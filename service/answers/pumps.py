@@ -177,7 +177,7 @@ class CurveBaseline(TypedDict):
     dy: float
     """Shift along y [bar]."""
     records: int
-    """Number of records that it rests on (a count)."""
+    """Number of records since the pump sits where it is (a count)."""
 
 
 @shape

@@ -177,7 +177,7 @@ def test_a_pump_that_moved_is_seen_against_where_it_sits_now() -> None:
     assert len(curve.points) == 40
     assert curve.baseline.records == 6
     assert sum(e.fitted for e in curve.excess) == 6
-    assert "from 6 records" in curve_svg(curve, "pump X")
+    assert "6 records here" in curve_svg(curve, "pump X")
 
 
 def test_law_tells_the_size_of_the_fault() -> None:
