@@ -90,7 +90,9 @@ def analyse_files(
     for (serial, name), files in sorted(by_pump.items()):
         kind = instead or pump_type(name)
         observations = tuple(f.observation for f in files.values())
-        assessments = assess(History(observations), kind, circuit, thresholds)
-        curve = damage_identification_curve(observations, kind, circuit, latest_condition(observations, kind))
+        history = History(observations)
+        assessments = assess(history, kind, circuit, thresholds)
+        condition = latest_condition(observations, kind)
+        curve = damage_identification_curve(history, kind, circuit, thresholds, condition)
         pumps.append(AnalysedPump(serial, tuple(files.values()), assessments, curve))
     return OfflineAnalysis(tuple(pumps), tuple(refused))
