@@ -59,6 +59,7 @@ KEYS: tuple[ThresholdKey, ...] = (
     ),
     ThresholdKey("candidate_probability", "-", 0.02, 0.001, 0.5, "share from which a fault stays a candidate"),
     ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),
+    ThresholdKey("inspection_interval_h", "h", 50.0, 1.0, 5000.0, "flight hours from one inspection to the next"),
     ThresholdKey(
         "alarm_on_delay_flights", "flights", 1.0, 1.0, 20.0, "flights in a row with a fault that raise an alarm"
     ),

@@ -25,7 +25,7 @@ from service.reading import queries
 from service.reading.agreement import judged_findings, rates
 from service.reading.curve import curve_of
 from service.reading.fleet import fleet, pump_documents
-from service.reading.forecast import forecast_of
+from service.reading.forecast import forecast_of, with_crossing
 from service.reading.trend import points_of, trend_of
 from service.registry import findings, maintenance
 from service.reports.charts import sparkline_svg, trend_svg
@@ -158,7 +158,7 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
         values = {
             "request": request,
             "pump": document,
-            "verdict": queries.verdict(session, row),
+            "verdict": with_crossing(session, row, queries.verdict(session, row)),
             "changes": queries.verdict_changes(session, row)[::-1],
             "curve": Markup(curve_svg(curve_of(session, row, None, None, None).curve, f"pump {serial}")),  # noqa: S704
             "forecast": forecast_of(session, row),
