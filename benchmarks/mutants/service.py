@@ -41,6 +41,7 @@ MUTANTS: tuple[Mutant, ...] = (
         'accepted = {"*", tag} if current is None else {tag}', 'accepted = {"*", tag}', "of_two_changes and sqlite"
     ),
     _layers("newest = _newest(session) | {scope: values}", "newest = {scope: values}", "levels_must and sqlite"),
+    _layers("Effective(effective(values, kind), ", "Effective(effective(values), ", "own_limits and sqlite"),
     Mutant(
         "layers",
         "service.history.knowledge",

@@ -26,7 +26,7 @@ from service.storage.tables import (
     case_flow_of,
     case_pressure_beyond,
 )
-from service.thresholds.layers import effective_thresholds, pump_scopes
+from service.thresholds.layers import thresholds_of
 
 
 def follow(session: Session, pump: Pump, thresholds: Mapping[str, float]) -> None:
@@ -72,8 +72,7 @@ def catch_up(database: Database) -> int:
     for pump_id in pump_ids:
         with database.writing() as session:
             pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
-            layers = pump_scopes(pump.operator, pump.serial, pump.pump_type)
-            follow(session, pump, effective_thresholds(session, layers).values)
+            follow(session, pump, thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values)
     return len(pump_ids)
 
 

@@ -58,7 +58,6 @@ def analyse_files(
     ``instead`` is the pump type that all are judged by, whatever they name.
     """
     types: TypeLookup = built_in if instead is None else lambda _operator, _name: instead
-    thresholds = effective({})
     circuit = circuit_parameters(DEFAULT_CIRCUIT)
     by_pump: dict[tuple[str, str], dict[str, AnalysedFile]] = {}
     refused: list[tuple[Path, Problem]] = []
@@ -71,7 +70,7 @@ def analyse_files(
             continue
         metadata = decoded.metadata
         kind = instead or pump_type(metadata.pump_type or DEFAULT_PUMP_TYPE)
-        reduction = reduce_recording(decoded.recording, kind, thresholds)
+        reduction = reduce_recording(decoded.recording, kind, effective({}, kind))
         observation = Observation(
             record_id=content_hash(content)[:32],
             at=metadata.started_at,
@@ -90,7 +89,7 @@ def analyse_files(
     for (serial, name), files in sorted(by_pump.items()):
         kind = instead or pump_type(name)
         observations = tuple(f.observation for f in files.values())
-        assessments = assess(History(observations), kind, circuit, thresholds)
+        assessments = assess(History(observations), kind, circuit, effective({}, kind))
         curve = damage_identification_curve(observations, kind, circuit, latest_condition(observations, kind))
         pumps.append(AnalysedPump(serial, tuple(files.values()), assessments, curve))
     return OfflineAnalysis(tuple(pumps), tuple(refused))
