@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from starlette.staticfiles import StaticFiles
 
 from detectors.curve.picture import curve_svg
-from detectors.words.verdict import FAULTS, TREND_METRICS, State
+from detectors.words.verdict import CAUSES, TREND_METRICS
 from service import __version__
 from service.access.security import Principal
 from service.alarms import reading
@@ -29,6 +29,7 @@ from service.reading.forecast import forecast_of, with_crossing
 from service.reading.trend import points_of, trend_of
 from service.registry import findings, maintenance
 from service.reports.charts import sparkline_svg, trend_svg
+from service.reports.remarks import remarks
 from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 from service.storage.tables import Finding, MaintenanceEvent, Pump
 from service.thresholds.layers import thresholds_of
@@ -155,10 +156,12 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
         document = pump_documents(session, [row])[0]
         if document["records"] == 0:
             raise NotFound(f"pump {serial} has no analysed record yet")
+        verdict = with_crossing(session, row, queries.verdict(session, row))
         values = {
             "request": request,
             "pump": document,
-            "verdict": with_crossing(session, row, queries.verdict(session, row)),
+            "verdict": verdict,
+            "remarks": remarks(verdict),
             "changes": queries.verdict_changes(session, row)[::-1],
             "curve": Markup(curve_svg(curve_of(session, row, None, None, None).curve, f"pump {serial}")),  # noqa: S704
             "forecast": forecast_of(session, row),
@@ -173,7 +176,7 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
                 for e in sorted(entries(session, MaintenanceEvent, row.id), key=lambda e: e.at, reverse=True)
             ],
             **_actions(request, session, asker, row),
-            "faults": [State.HEALTHY, *FAULTS],
+            "causes": CAUSES,
             "api": f"/api/v1/pumps/{quote(serial, '')}",
         }
     return "pump.html", 200, values
