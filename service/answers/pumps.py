@@ -44,6 +44,8 @@ class Pump(TypedDict):
     """What remains possible where the state is `indeterminate`."""
     advice: str
     """What to do, in one sentence."""
+    case_pressure_beyond: bool
+    """Whether case over reservoir pressure is at twice its own reference or beyond its limit, whatever the cause."""
 
 
 @shape

@@ -49,7 +49,8 @@ class TestPump:
         assert set(verdict) == {
             *("state", "side", "since", "confidence", "probabilities", "candidates", "secondary", "sensor"),
             *("estimates", "minimum_detectable", "quality", "advice", "resolving_measurement"),
-            *("twin_version", "threshold_version", "software"),
+            *("fit", "blind_spots", "probability_beyond_limit", "crossing", "intermittent", "resolved_by"),
+            *("missing_evidence", "case_pressure", "twin_version", "threshold_version", "software"),
         }
         assert verdict["state"] == "healthy"
         assert sum(verdict["probabilities"].values()) == pytest.approx(1.0)
