@@ -23,8 +23,8 @@ from detectors.words.verdict import FAULTS, State
 
 WATCHED_RECORDS = 200
 """Records that a pump of the study is watched for, to a few."""
-ARRIVAL_PRIOR = 0.04
-"""Prior odds of having come worn by each of its laws against health, as the bank starts with."""
+ARRIVAL_PRIOR = 0.1
+"""Prior odds of having come worn against health, as the bank starts with."""
 
 
 @dataclass(frozen=True)
