@@ -482,6 +482,10 @@ class Bank:
             elif PLACE[name] < N_STATE:
                 self._free(PLACE[name], mean[PLACE[name]], sd[PLACE[name]])
 
+    def fill(self, ln_viscosity: float, sd: float) -> None:
+        """Another fluid: the logarithm of its viscosity over that of the twin's, and its spread."""
+        self._free(PLACE["ln_viscosity"], ln_viscosity, sd)
+
     def _end(self, row: int) -> None:
         """Turn a filter into the one whose fault ended now."""
         filters = self.filters

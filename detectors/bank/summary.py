@@ -30,6 +30,9 @@ from detectors.bank.shapes import (
 from detectors.expectation.components import AMPLITUDE, LAW, RATE, SETTING
 from twin.compiled import compiled
 
+_LEAST_SHOWN, _NOT_YET = 3, 1.0e3
+"""Flights on which a fault must have shown before it counts as one that comes and goes (our choice), and what stands against
+it until then [nat]."""
 TEMPER = 0.85
 """Exponent of the likelihood where causes compete: their laws are not the world's."""
 
@@ -95,7 +98,8 @@ def _weigh(filters: Filters, n: int, signs: Integers, weights: Array) -> None:
     """Posterior shares of the first n filters, each way; one-sided faults by the sign that they came out with."""
     log_evidence = filters.log_evidence
     for f in range(n):
-        by_data, sign = log_evidence[f] - log_evidence[0] - filters.prior[f, STATED], _sign_evidence(filters, f, signs)
+        by_data = log_evidence[f] - log_evidence[0] - filters.prior[f, STATED]
+        sign = _sign_evidence(filters, f, signs) - _habit(filters, f)
         weights[WHOLE, f] = filters.prior[f, STATED] + by_data + sign
         weights[AS_STATED, f] = filters.prior[f, STATED] + TEMPER * by_data + sign
         weights[AS_ALIKE, f] = filters.prior[f, ALIKE] + TEMPER * by_data + sign
@@ -106,6 +110,18 @@ def _weigh(filters: Filters, n: int, signs: Integers, weights: Array) -> None:
             total += weights[way, f]
         for f in range(n):
             weights[way, f] /= total
+
+
+@compiled
+def _habit(filters: Filters, f: int) -> float:
+    """What is held against a fault that comes and goes as long as it has hardly come: one flight is an outlier [nat]."""
+    if filters.shape[f] != ON_OFF:
+        return 0.0
+    bits, count = filters.shown[f], 0
+    while bits:
+        bits &= bits - 1
+        count += 1
+    return 0.0 if count >= _LEAST_SHOWN else _NOT_YET
 
 
 @compiled

@@ -15,7 +15,7 @@ from detectors.expectation.anchor import anchors, reference_condition
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement.coverage import Coverage
 from detectors.judgement.estimates import estimates
-from detectors.judgement.events import MOVED, due, freed_by
+from detectors.judgement.events import MOVED, due, freed_by, viscosity_of
 from detectors.judgement.isolation import (
     Alarm,
     Decision,
@@ -200,10 +200,14 @@ class Fold:
         moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
         if moved or any(previous.at < t <= observation.at for t in history.installed_at):
             self.bank.reset(MOVED)
+            self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
             self.touched = True
         for event in due(history.maintenance, previous.at, observation.at):
             self.memory = self.memory.done(event.action, event.at)
             self.bank.reset(freed_by(event))
+            filled = viscosity_of(event, self.pump)
+            if filled is not None:
+                self.bank.fill(*filled)
             self.touched = True
 
     def learn(self, observation: Observation, found: Measured) -> None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 
 import numpy as np
@@ -20,7 +20,7 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "drain_resistance_change_percent": ("drain_extra",),
 }
 """Estimated changes, and the components that they are counted in."""
-WORN_PROBABILITY = 0.5
+WORN_PROBABILITY = 0.75
 WORN_RECORDS = 4
 """Probability of having arrived worn, and records in a row above it, from which a pump is called so."""
 _FITS, _FEWEST = 0.6, 5
@@ -74,6 +74,10 @@ class Alarm:
     side: Side | None = None
     side_for: int = 0
     worn_for: int = 0
+
+    def moved(self, records: int) -> "Alarm":
+        """In another aircraft: who was not called worn before is not within the next ``records``, its drain is unknown."""
+        return self if self.worn_for >= WORN_RECORDS else replace(self, worn_for=-records)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +135,9 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
 
     What is named must lead under the stated and under the shape-neutral prior: where they disagree, the prior would decide.
     """
-    worn_for = alarm.worn_for + 1 if found.arrival > WORN_PROBABILITY else 0
+    worn_for = alarm.worn_for + 1
+    if found.arrival <= WORN_PROBABILITY:
+        worn_for = min(worn_for, 0)
     above = alarm.above + 1 if found.log_odds > thresholds["alarm_on_log_odds"] else 0
     raised = above >= thresholds["alarm_records"] or (
         alarm.raised and found.log_odds >= thresholds["alarm_off_log_odds"]

@@ -55,7 +55,9 @@ def curve_of(
     if fluid_temperature_degc is not None:
         condition = condition._replace(fluid_temperature_degc=fluid_temperature_degc)
     thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
-    maintenance = tuple(Maintenance(e.at, e.action) for e in entries(session, MaintenanceEvent, pump.id))
+    maintenance = tuple(
+        Maintenance(e.at, e.action, e.fluid, e.channel) for e in entries(session, MaintenanceEvent, pump.id)
+    )
     measured = healthy_curve(session, pump.operator, pump.pump_type) if setting.has_own_fluid(base) else None
     history = History(tuple(observations), maintenance, changes(intervals))
     curve = damage_identification_curve(
