@@ -9,7 +9,8 @@ from detectors.bank.bank import ARRIVAL_KINDS, Bank
 from detectors.bank.hypotheses import FAULT_KINDS, GONE, prior
 from detectors.bank.kernel import CASE_RIPPLE, LINE, RIPPLE
 from detectors.bank.measurement import measured_windows
-from detectors.expectation.components import AMPLITUDE, INDEX
+from detectors.bank.shapes import ARRIVAL, OPEN
+from detectors.expectation.components import AMPLITUDE, INDEX, PLACE
 from detectors.judgement.assessment import assess
 from detectors.words.observation import History, Observation
 from detectors.words.signature import ChannelSpectrum, OrderLine, Spectrum
@@ -71,13 +72,24 @@ def test_evidence_of_a_growing_fault_grows() -> None:
 
 def test_a_reset_gives_the_population_s_spread_back() -> None:
     bank = learnt(history(22, 30), 30)
-    place = INDEX["case_offset"]
-    _, sd = prior(PUMP)
+    place = PLACE["case_offset"]
+    mean, sd = prior(PUMP)
     assert bank.filters.covariance[0, place, place] < 0.25 * sd[place] ** 2
-    bank.reset(("case_offset",))
+    bank.reset({"case_offset": None})
+    assert bank.filters.mean[0, place] == mean[place]
     assert bank.filters.covariance[0, place, place] == pytest.approx(sd[place] ** 2)
     others = np.delete(np.arange(len(sd)), place)
     assert (bank.filters.covariance[0, place, others] == 0.0).all()
+
+
+def test_a_reset_by_an_amount_adds_it_and_keeps_what_was_learnt() -> None:
+    bank = learnt(history(22, 30), 30)
+    place = PLACE["ln_drain"]
+    mean, covariance = bank.filters.mean[0].copy(), bank.filters.covariance[0].copy()
+    bank.reset({"ln_drain": 0.12})
+    assert bank.filters.mean[0] == pytest.approx(mean, abs=0.0)
+    covariance[place, place] += 0.12**2
+    assert bank.filters.covariance[0] == pytest.approx(covariance, abs=0.0)
 
 
 def test_a_second_fit_changes_little_where_the_first_was_good() -> None:
@@ -95,10 +107,13 @@ def test_covariances_stay_positive() -> None:
         assert np.linalg.eigvalsh(covariance).min() > -1e-9
 
 
-def test_arrivals_leave_with_the_reservoir_sensor() -> None:
+def test_arrivals_leave_with_the_reservoir_sensor_and_never_without() -> None:
     n_arrivals = len(ARRIVAL_KINDS)
     assert Bank(PUMP).n == 1 + n_arrivals
     assert learnt(history(25, 4, with_reservoir=False), 4).n == 1
+    # how a pump came is asked as long as it is there: nothing but records can answer
+    long = learnt(history(25, 60), 60)
+    assert (long.filters.shape[: long.n] == ARRIVAL).sum() == n_arrivals
     assert np.isfinite(learnt(history(25, 20), 20).filters.mean[:, AMPLITUDE]).all()
 
 
@@ -157,5 +172,6 @@ def test_a_long_history_forgets_no_kind_of_fault() -> None:
     assert len(bank.learnt) == 32
     assert bank.n < before
     assert set(bank.filters.kind[: bank.n]) >= {
-        i for i, k in enumerate(FAULT_KINDS) if k.sudden is not None and not any(n == "once" for n, _ in k.moves)
+        i for i, k in enumerate(FAULT_KINDS) if k.sudden and not any(n == "once" for n, _ in k.moves)
     } - {GONE}
+    assert (bank.filters.shape[: bank.n] == OPEN).any()  # that it may be none of these is never forgotten

@@ -21,8 +21,9 @@ from detectors.reduction.load_steps import droop_from_rest
 from detectors.reduction.recording import reduce_recording
 from detectors.words.observation import History, Mean, Observation, Window, WindowKind
 from detectors.words.signature import Droop
+from detectors.words.states import SIDE_OF, Side, State
 from detectors.words.thresholds import effective
-from detectors.words.verdict import Side
+from detectors.words.verdict import Verdict
 from tests.detectors.fleet import CIRCUIT, PUMP, history
 from twin.condition import Condition, Health
 from twin.operating_point import operating_point
@@ -39,8 +40,8 @@ def flown(reality: Reality, course: Faults, n_pumps: int, every: int | None, n_f
     return histories(flights, PUMP, Sensing(ground_runs=GroundRuns(every) if every else None), rng)
 
 
-def last_sides(found: list[History]) -> list[Side]:
-    return [assess(h, PUMP, CIRCUIT, THRESHOLDS)[-1].verdict.side for h in found]
+def last_verdicts(found: list[History]) -> list[Verdict]:
+    return [assess(h, PUMP, CIRCUIT, THRESHOLDS)[-1].verdict for h in found]
 
 
 def ground_run(levels: tuple[float, ...] = (0.0, 10.0, 20.0), hold_s: int = 60, hz: int = 1) -> Recording:
@@ -91,21 +92,39 @@ def test_a_record_under_load_only_says_what_is_missing() -> None:
     assert measured_windows([observed(ground_run(levels=(10.0, 20.0)))], {}, PUMP, CIRCUIT) == {}
 
 
-def test_a_leaking_circuit_is_told_from_a_worn_pump() -> None:
-    """A laminar leak looks like 0.14 times as much pump leakage at zero flow; under load the return line tells them."""
-    leaking, worn = Growing(("system",), 3.0), Growing(("slippers",), 0.6)
-    without = last_sides(flown(LAMINAR, leaking, 12, None))
-    with_runs = last_sides(flown(LAMINAR, leaking, 12, 5))
-    assert with_runs.count(Side.SYSTEM) >= max(11, without.count(Side.SYSTEM))
-    sides = last_sides(flown(LAMINAR, worn, 12, 5))
-    assert sides.count(Side.SYSTEM) == 0
-    assert sides.count(Side.PUMP) >= 7
+def log_odds(verdicts: list[Verdict], right: State, wrong: State) -> np.ndarray:
+    """What each last verdict holds for one cause against another [nat], bounded where one of them is nothing."""
+    p = np.array([[v.probabilities[right], v.probabilities[wrong]] for v in verdicts])
+    return np.log(np.maximum(p[:, 0], 1e-4)) - np.log(np.maximum(p[:, 1], 1e-4))
+
+
+@pytest.mark.parametrize(
+    ("course", "right", "wrong"),
+    [
+        (Growing(("system",), 3.0), State.SYSTEM_LEAKAGE, State.PUMP_DEGRADATION),
+        (Growing(("slippers",), 0.6), State.PUMP_DEGRADATION, State.SYSTEM_LEAKAGE),
+    ],
+)
+def test_a_leaking_circuit_is_told_from_a_worn_pump(course: Growing, right: State, wrong: State) -> None:
+    """A laminar leak looks like 0.14 times as much pump leakage at zero flow; under load the return line tells them.
+
+    With runs the right cause leads in every pump, and the evidence for it grows by more than a factor of three at the median.
+    """
+    found = {every: last_verdicts(flown(LAMINAR, course, 12, every)) for every in (None, 5)}
+    without, with_runs = (log_odds(found[every], right, wrong) for every in (None, 5))
+    assert (with_runs > 0.0).all()
+    assert np.median(with_runs) > np.median(without) + math.log(3.0)
+    sides = [v.side for v in found[5]]
+    assert SIDE_OF[wrong] not in sides
+    assert sides.count(SIDE_OF[right]) >= [v.side for v in found[None]].count(SIDE_OF[right])
+    if right is State.SYSTEM_LEAKAGE:
+        assert sides.count(Side.SYSTEM) >= 10
 
 
 def test_healthy_pumps_stay_healthy_under_load() -> None:
     """The return line's drop, its temperature law, the flow and the droop all differ from what the judge is told."""
     for reality in REALITIES[::2]:
-        assert set(last_sides(flown(reality, NoFault(), 8, 4, 120))) == {Side.NONE}
+        assert {v.side for v in last_verdicts(flown(reality, NoFault(), 8, 4, 120))} == {Side.NONE}
 
 
 def test_what_load_shows_stays_out_of_histories_without_it() -> None:

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from detectors.bank.hypotheses import FAULT_KINDS, directions
+from detectors.bank.hypotheses import pure_kinds, rows_of
 from detectors.isolability.bounds import Isolability, inner_products, isolability
 from detectors.isolability.model import LARGEST_LEAKAGE_LPM, Model, model_of, temperatures
 from detectors.isolability.picture import isolability_svg, sensor_svg
 from detectors.isolability.plan import Plan, PlanFaultsError, Sensors, sensors_of
 from detectors.isolability.table import case_sensor, sensor_table
-from detectors.words.verdict import Side, State
+from detectors.words.verdict import FAULTS, Side, State
 from twin.condition import Condition, Health
 from twin.operating_point import operating_point
 from twin.parameters import Sensor
@@ -22,6 +22,9 @@ from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
 PUMP, CIRCUIT = pump_type("h225"), circuit_parameters("shared_return")
 PLAN = Plan(sensors_of(PUMP))
 ROUNDING = 1.0 + 1e-9
+KINDS = pure_kinds()
+MOVES = rows_of([kind.moves for kind in KINDS])
+"""What each cause moves, one law each, shape (k, N_COMPONENTS)."""
 
 
 def bounds(plan: Plan) -> Isolability:
@@ -63,7 +66,7 @@ def test_inner_products_are_those_of_the_dense_covariance(
         ground_run_every=4,
         burst=burst,
     )
-    model, moves = model_of(plan, PUMP, CIRCUIT), directions()
+    model, moves = model_of(plan, PUMP, CIRCUIT), MOVES
     G, S = dense(model, moves, 9)
     expected = G @ np.linalg.solve(S, G.T)
     found = inner_products(model, moves, 9)[-1]
@@ -75,7 +78,7 @@ def test_signatures_are_those_of_the_twin() -> None:
     """Slopes of case pressure against finite differences of the operating point itself (not of the reduced twin)."""
     plan = replace(PLAN, temperature_range_degc=(60.0, 60.0), baseline_flights=1, flights=1)
     slopes = model_of(plan, PUMP, CIRCUIT).flights[-1].slopes
-    moves = {kind.name: row for kind, row in zip(FAULT_KINDS, directions(), strict=True)}
+    moves = {kind.name: row for kind, row in zip(KINDS, MOVES, strict=True)}
     condition, base = Condition(4600.0, 60.0), Health(system_leakage_lpm=0.4)
     # the prior's own drain law, about which the model is linearised
     base = base._replace(drain_viscosity_weight_change=0.2, drain_flow_weight_change=0.2)
@@ -96,9 +99,9 @@ def test_signatures_are_those_of_the_twin() -> None:
 def test_the_sizes_hold_their_rates_by_chance() -> None:
     """Histories drawn from the dense covariance: the best linear test alarms at its level and finds its size."""
     plan = Plan(PLAN.sensors, baseline_flights=6, flights=6, false_alarm_probability=0.01, detection_probability=0.9)
-    model, moves = model_of(plan, PUMP, CIRCUIT), directions()
+    model, moves = model_of(plan, PUMP, CIRCUIT), MOVES
     G, S = dense(model, moves, 6)
-    names = [k.name for k in FAULT_KINDS]
+    names = [k.name for k in KINDS]
     own, rival = G[names.index("leakage, slippers")], G[names.index("system leakage, orifice")]
     found = bounds(plan).fault("leakage, slippers")
     size = next(r.smallest_isolable for r in found.rivals if r.name == "system leakage, orifice")
@@ -224,7 +227,7 @@ def test_states_without_their_sensor_are_left_out() -> None:
     without = bounds(replace(PLAN, sensors=sensors_of(PUMP, reservoir=False)))
     names = {f.name for f in without.faults}
     assert "reservoir sensor" not in names
-    assert names == {k.name for k in FAULT_KINDS if k.state is not State.HEALTHY} - {"reservoir sensor"}
+    assert names == {k.name for k in KINDS if k.moves and k.state in FAULTS} - {"reservoir sensor"}
     assert "reservoir sensor" in {f.name for f in bounds(PLAN).faults}
 
 

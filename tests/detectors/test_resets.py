@@ -32,12 +32,22 @@ FAULTS: dict[str, tuple[State, Fault]] = {
     "drain": (State.DRAIN_RESTRICTION, sudden("drain_resistance_scale", 1.5, factor=True)),
 }
 TOUCHED = {
-    "setting": {"setting_adjusted"},
-    "worn": set(),
+    "setting": {"setting_adjusted", "pump_overhauled"},
+    "worn": {"pump_overhauled"},
     "leaking": set(),
     "drain": {"filter_changed", "drain_cleaned"},
 }
-"""Entries that may explain the fault away: it came with them."""
+"""Entries that may explain the fault away: it came with them, or they may have ended it."""
+ALIKE_ON_THE_DAY = {
+    ("worn", "filter_changed"),
+    ("worn", "drain_cleaned"),
+    ("leaking", "drain_cleaned"),
+    ("drain", "pump_overhauled"),
+}
+"""Faults that set in with the very entry that makes unknown what they look like: more case flow through the same drain, or the
+same flow through a drain that is another, give one rise of the case pressure. A leak of 0.9 L/min adds two thirds to the drop of
+a drain that the entry lets differ by a quarter (one sigma), half as much again is what another pump may leak. No flight
+before it can tell, those after it need more than forty."""
 
 
 def entered(found: History, action: str, before: int) -> History:
@@ -71,6 +81,9 @@ def test_no_entry_hides_a_fault_that_it_did_not_touch(name: str, action: str, be
     for seed in (0, 3):
         found = history(seed, RECORDS, fault)
         told, side = last_side(entered(found, action, before))
+        if before == ONSET and (name, action) in ALIKE_ON_THE_DAY:
+            assert side in (SIDE_OF[state], Side.UNKNOWN, Side.NONE), seed  # whatever is said, nobody else is accused
+            continue
         assert told is not State.HEALTHY, seed
         assert told is state or side in (SIDE_OF[state], Side.UNKNOWN), seed
 
