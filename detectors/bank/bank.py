@@ -5,9 +5,11 @@ filter would kill the very evidence that a fault brings. Predictive densities ar
 freedom), so that one outlier costs a hypothesis a bounded amount.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
@@ -18,26 +20,68 @@ from detectors.bank.hypotheses import (
     UNMEASURED_RESERVOIR_WALK_BAR,
     directions,
     kind_scales,
-    log_hazards,
+    laws,
+    log_priors,
     prior,
     walk_variance,
 )
-from detectors.bank.kernel import N_MEASURED, ZERO, advance, free, step
+from detectors.bank.kernel import (
+    CASE,
+    LINE,
+    N_MEASURED,
+    ZERO,
+    advance,
+    begun,
+    expected,
+    free,
+    remembered,
+    step,
+    surprise,
+)
+from detectors.bank.lines import LineScatter
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import N_FEATURES, Regulation
-from detectors.bank.shapes import Array, Base, Filters, Freed, History, Integers, Kinds, Reading, Walks
-from detectors.bank.summary import ARRIVAL, RAMP, STEP, spawned
+from detectors.bank.shapes import (
+    ARRIVAL,
+    N_SHAPES,
+    ON_OFF,
+    OPEN,
+    RAMP,
+    STATED,
+    STEP,
+    Array,
+    Base,
+    Filters,
+    Freed,
+    History,
+    Integers,
+    Kinds,
+    Reading,
+    Walks,
+)
+from detectors.bank.summary import spawned
 from detectors.expectation.anchor import COLUMN
-from detectors.expectation.components import AMPLITUDE, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
+from detectors.expectation.components import AMPLITUDE, LAW, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
 from detectors.words.verdict import State
 from twin.parameters import PumpType
 
 HEALTHY = -1
 SPAWN_EVERY = 4
-_MOST_STEPS, _MOST_RAMPS = 5, 4
-"""Onsets of one kind that are kept: where a ramp began matters less than where a step stood."""
+FIRST_ONSETS = (1, 2)
+"""Records after which an onset is tried, beside every fourth one: what sets in at once is as likely at the beginning."""
+_MOST: Mapping[int, int] = {STEP: 5, RAMP: 4, ON_OFF: 2, OPEN: 2}
+"""Onsets of one kind that are kept by shape: where a ramp began matters less than where a step stood."""
+DISCREPANCY = 0.02
+"""Share of a deviation of the case pressure that no law and no sensor is good for (estimate: a sensor of 1 % of its full scale,
+and laws that were learnt where the healthy pump runs). Without it a drain ten times as resistant, 3.5 bar, would be weighed
+with the 5 mbar of a sensor's noise, and the least wrong law would win by a hundred nats."""
 _FIRST_RECORDS = 5
-_FIRST_ITERATIONS = 3
+_BREADTH = 4.0
+"""How many times its usual size a fault may have that sets in with a surprise, of every kind alike (estimate: a drain blocked
+tenfold is 18 times its kind's scale, a leak of 2 L/min five times)."""
+_ITERATIONS = 4
+"""How often the twin is linearised anew in the first records and where one surprises: a resistance that trebles is no small
+one times a slope, a leak is, and whoever is taken at the slope's word loses."""
 _FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 """Records after which every filter is fitted to its whole history anew (``detectors.bank.refit``)."""
 _LONG, _HOPELESS = 24, -1.0
@@ -45,37 +89,30 @@ _LONG, _HOPELESS = 24, -1.0
 pump: more than half of all filters lie below."""
 _UNSEEN = np.full(N_FEATURES, np.nan)
 _UNSEEN.flags.writeable = False
-ARRIVAL_KINDS = ("leakage, slippers", "leakage, mixed")
+ARRIVAL_KINDS = ("leakage, slippers",)
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
 """Mean and spread of what a pump leaks on top that arrives worn: the limit lies 0.2 above the nominal pump's case flow."""
-ARRIVAL_RECORDS = 40
-"""Records after which a pump that is not likelier to have come worn is one of the population for good."""
 ARRIVAL_FLOOR_LPM = 0.5
 """Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
-_LOG_ARRIVAL = float(np.log(0.04))
-"""Prior of such an arrival, for each of its laws (estimate: nearly one pump in ten is used when it comes)."""
-RAMP_RECORDS = 30.0
+_LOG_ARRIVAL = float(np.log(0.1))
+"""Prior of such an arrival (estimate: one pump in ten is used when it comes)."""
+RAMP_RECORDS = 12.0
 """Records in which a ramp of one sigma grows by a fault's scale: fits 0.04 L/min a flight, and does not punish 0.004 (estimate)."""
-_LOG_PRIORS = np.vstack((log_hazards(), np.full(N_KINDS, _LOG_ARRIVAL)))
-_AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0])
-"""Walk of a fault's amplitude from record to record, as a share of its scale: steps, ramps, arrivals."""
+_LOG_PRIORS = log_priors(_LOG_ARRIVAL)
+_AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0, 0.03, 0.0])
+"""Walk of a fault's amplitude from record to record by shape, as a share of its scale."""
 _RATE_WALK = 0.05
 """Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
-_CAPACITY = 1 + len(ARRIVAL_KINDS) + N_KINDS * (_MOST_STEPS + _MOST_RAMPS)
+_MOST_ONSETS = np.zeros((N_SHAPES, N_KINDS), dtype=np.int64)
+for _shape, _most in _MOST.items():
+    _MOST_ONSETS[_shape] = _most * np.isfinite(_LOG_PRIORS[STATED, _shape])
+_CAPACITY = 1 + len(ARRIVAL_KINDS) + int(_MOST_ONSETS.sum())
 """The healthy pump, those that came worn, and every onset that is kept."""
 
-DIRECTIONS = np.vstack((directions(), np.zeros(N_COMPONENTS)))
-"""What each kind of fault moves per unit of amplitude, zeros for the healthy pump last, shape (N_KINDS + 1, N_COMPONENTS)."""
-LIKE_BEFORE = {"ln_drain": 0.12, "drain_flow": 0.12}
-"""By how much what was exchanged differs from what was there (estimate: a filter element is one part of the drain, the line
-stays as it is; three of these are what a fully loaded element costs)."""
+DIRECTIONS = np.concatenate((directions(), np.zeros((1, 2, N_COMPONENTS))))
+"""What each kind of fault moves per unit of amplitude, and of its product with the law, zeros for the healthy pump last,
+shape (N_KINDS + 1, 2, N_COMPONENTS)."""
 _MOST_PASSES = 6
-_MOST_ONSETS = np.array(
-    [
-        [_MOST_STEPS * (k.sudden is not None) for k in FAULT_KINDS],
-        [_MOST_RAMPS * (k.growing is not None) for k in FAULT_KINDS],
-    ]
-)
 _MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
 _IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
 _BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
@@ -86,7 +123,8 @@ _LEVEL_EVIDENCE = 1.0
 _BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
 _OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
-_KINDS = Kinds(DIRECTIONS, _SCALES, _LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
+_SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])
+_KINDS = Kinds(DIRECTIONS, _SCALES, laws(), _SIGNS, _LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
 _AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
 _RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
 _RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
@@ -96,6 +134,15 @@ _WARMTH, _LOAD = COLUMN["warmth"], COLUMN["load_flow"]
 _LEAST_LOAD_LPM = 1.0
 """Flow from which a window counts as one under load (estimate: twice what counts as zero)."""
 _WALK = walk_variance()
+
+
+Expected = tuple[float, float, float]
+"""Discharge and case pressure as they would be measured, and case over reservoir pressure [bar]."""
+
+
+def _touched_by(freed: Mapping[str, float | None]) -> NDArray[np.bool_]:
+    """Kinds of fault that move one of these components, shape (N_KINDS,)."""
+    return np.array([any(name in freed for name, _ in (*k.moves, *k.law.moves)) for k in FAULT_KINDS])
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +193,11 @@ def _empty() -> Filters:
         onset=np.zeros(_CAPACITY, dtype=np.int64),
         log_evidence=np.zeros(_CAPACITY),
         setting_at_onset=np.zeros(_CAPACITY),
+        scale=np.zeros(_CAPACITY),
+        prior=np.zeros((_CAPACITY, 2)),
+        misfit=np.zeros(_CAPACITY),
+        unexplained=np.zeros(_CAPACITY, dtype=np.int64),
+        shown=np.zeros(_CAPACITY, dtype=np.int64),
     )
 
 
@@ -168,6 +220,8 @@ class Bank:
     refits
         False where the history begins at a state that was learnt: its covariance holds for the point that it was
         linearised about, and a fit about another one would lose what it says.
+    ended, resolving
+        Kind of the fault that ended with what was done last, and of the one that may have (-1: none).
     """
 
     pump: PumpType
@@ -182,6 +236,9 @@ class Bank:
     reservoir_seen: bool = False
     freed: Freed = field(default_factory=nothing_freed)
     refits: bool = True
+    ended: int = HEALTHY
+    resolving: int = HEALTHY
+    line_scatter: LineScatter = field(default_factory=LineScatter)
     regulation: Regulation = field(default_factory=Regulation)
 
     def __post_init__(self) -> None:
@@ -203,20 +260,31 @@ class Bank:
         if filters.shape[row] == ARRIVAL:
             filters.mean[row, AMPLITUDE], spread = ARRIVAL_LEAKAGE_LPM
             filters.covariance[row, AMPLITUDE, AMPLITUDE] = spread**2
+            filters.mean[row, LAW], spread = _KINDS.laws[filters.kind[row]]
+            filters.covariance[row, LAW, LAW] = spread**2
             filters.log_evidence[row] = _LOG_ARRIVAL
+            filters.prior[row] = _LOG_ARRIVAL
 
     def learn(self, measurements: tuple[Measurement, ...]) -> None:
         """Take one record's windows: let time pass, weigh and update every filter."""
         filters = self.filters
         self._pass_time()
+        measurements = tuple(self._as_weighed(m) for m in measurements)
+        surprising = self.records >= _FIRST_RECORDS and self._is_surprising(measurements)
+        if surprising:
+            # what sets in with a bang is met from its first record on: a candidate that is late by one record would
+            # have to explain it away, and whoever does that best is not who is right
+            self.spawn(_BREADTH)
+        begun(filters, self.n)
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
                 self._set_reservoir(measurement.reservoir_measured)
             self.reservoir_seen = self.reservoir_seen or measurement.reservoir_measured
-            iterations = _FIRST_ITERATIONS if self.records < _FIRST_RECORDS else 1
+            iterations = _ITERATIONS if surprising or self.records < _FIRST_RECORDS else 1
             self._take(measurement, iterations)
             self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         filters.log_evidence[: self.n] -= filters.log_evidence[: self.n].max()
+        remembered(filters, self.n)
         self.records += 1
         self.learnt.append(measurements)
         self._accept()
@@ -224,12 +292,41 @@ class Bank:
             if self.records - self.base.records >= _LONG:
                 self._keep(self._worth_a_fit())
             self._fit_anew()
-        evidence = filters.log_evidence[: self.n]
-        settled = self.records == ARRIVAL_RECORDS and evidence[0] >= evidence.max() - _LEVEL_EVIDENCE
         # half a bar of unknown reservoir pressure is as much as a worn pump makes: where it was never measured nobody
         # can say
-        if settled or not self.reservoir_seen:
+        if not self.reservoir_seen:
             self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
+
+    def expected(self, measurement: Measurement) -> tuple[Expected, Expected]:
+        """What the healthy and what the likeliest filter expect to be measured."""
+        filters, f = self.filters, int(self.filters.log_evidence[: self.n].argmax())
+        of = [expected(filters.mean[k], DIRECTIONS[filters.kind[k]], measurement.reading) for k in (0, f)]
+        return of[0], of[1]
+
+    def _as_weighed(self, measurement: Measurement) -> Measurement:
+        """The measurement with what its noise leaves out.
+
+        Far from where the healthy pump was learnt sensor and laws are less sure of the case pressure; the line at once per
+        turn scatters as this pump's own does, which it teaches in turn.
+        """
+        noise, reading = measurement.noise.copy(), measurement.reading
+        if CASE in measurement.seen:
+            _, case, _ = expected(self.filters.mean[0], DIRECTIONS[HEALTHY], reading)
+            noise[CASE, CASE] += (DISCREPANCY * (measurement.values[CASE] - case)) ** 2
+        if measurement.seen[-1] == LINE:
+            before = self.line_scatter
+            self.line_scatter = before.with_line(float(measurement.values[LINE]), float(noise[LINE, LINE]))
+            noise[LINE, LINE] += before.variance
+        return replace(measurement, noise=noise)
+
+    def _is_surprising(self, measurements: tuple[Measurement, ...]) -> bool:
+        """Whether the likeliest filter does not explain the record that comes next."""
+        filters, f = self.filters, int(self.filters.log_evidence[: self.n].argmax())
+        direction = DIRECTIONS[filters.kind[f]]
+        return any(
+            surprise(filters.mean[f], filters.covariance[f], direction, m.reading, self.alive) > 1.0
+            for m in measurements
+        )
 
     def _accept(self) -> None:
         """Let the healthy pump go on from where a healthy change took it, once that is beyond doubt."""
@@ -246,12 +343,15 @@ class Bank:
         rivals = np.flatnonzero(filters.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
         if filters.log_evidence[likeliest] < filters.log_evidence[rivals].max() + _BEYOND_DOUBT:
             return
+        if gone and self.resolving != HEALTHY:
+            self.ended, self.resolving = self.resolving, HEALTHY
         self._take_over(likeliest, FAULT_KINDS[filters.kind[likeliest]].moves)
         self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
         self._rebase()
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
+        measurement = self._as_weighed(measurement)
         self._take(measurement, 1)
         self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         self.filters.log_evidence[: self.n] -= self.filters.log_evidence[: self.n].max()
@@ -261,9 +361,9 @@ class Bank:
         """Filters that the data do not speak against, and the oldest step of each kind: it says what would be found."""
         n, filters = self.n, self.filters
         kind, shape, onset = filters.kind[:n], filters.shape[:n], filters.onset[:n]
-        prior = np.where(kind == HEALTHY, 0.0, _LOG_PRIORS[shape, kind])
-        by_data = filters.log_evidence[:n] - prior - filters.log_evidence[0]
-        worth = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (by_data >= _HOPELESS)
+        by_data = filters.log_evidence[:n] - filters.prior[:n, STATED] - filters.log_evidence[0]
+        kept = (kind == HEALTHY) | (kind == GONE) | (shape == ARRIVAL) | (shape == ON_OFF) | (shape == OPEN)
+        worth = kept | (by_data >= _HOPELESS)
         steps, oldest = shape == STEP, np.full(N_KINDS + 1, self.records)
         np.minimum.at(oldest, kind[steps], onset[steps])
         return np.flatnonzero(worth | (steps & (onset == oldest[kind])))
@@ -272,7 +372,8 @@ class Bank:
         """Fit every filter to everything learnt since the base, linearised about where its own fit ends."""
         n, filters = self.n, self.filters
         kind = filters.kind[:n]
-        rows = np.flatnonzero((kind == HEALTHY) | ((kind != GONE) & (filters.onset[:n] >= self.base.records)))
+        fitted = (kind != GONE) & (filters.shape[:n] != ON_OFF) & (filters.shape[:n] != OPEN)
+        rows = np.flatnonzero((kind == HEALTHY) | (fitted & (filters.onset[:n] >= self.base.records)))
         before = filters.log_evidence[0]
         fit_anew(filters, rows, self.base, _KINDS, self._walks(), self._history(), self.alive, _MOST_PASSES)
         filters.log_evidence[rows] += before - filters.log_evidence[0]
@@ -322,9 +423,12 @@ class Bank:
         self.alive = max(self.alive, N_STATE if loaded else N_LINES if lines else N_SLOW)
         step(self.filters, self.n, DIRECTIONS, measurement.reading, self.alive, iterations)
 
-    def spawn(self) -> None:
-        """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way."""
-        self.n = spawned(self.filters, self.n, self.records, _KINDS, self._most_onsets())
+    def spawn(self, breadth: float = 1.0) -> None:
+        """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way.
+
+        ``breadth`` is how many times its kind's scale its size may be.
+        """
+        self.n = spawned(self.filters, self.n, self.records, _KINDS, self._most_onsets(), breadth)
         self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:
@@ -336,43 +440,65 @@ class Bank:
             most[:, _OF_RESERVOIR] = 0
         return most
 
-    def reset(self, components: tuple[str, ...]) -> None:
-        """After maintenance that touched ``components`` their spread is the population's again, and nothing else's.
+    def reset(self, freed: Mapping[str, float | None]) -> None:
+        """Something touched some components: they are as unknown as in any pump of the population, and nothing else is.
 
-        A fault of those components ends here. Where one was likelier than the healthy pump, the healthy pump goes on
-        from where that fault's filter stands; else what was learnt so far stays the history that filters are fitted to.
+        A fault of those components ends here. Where one was as likely as anything else, the healthy pump goes on from where
+        that fault's filter stands. Where it was likelier than health, its end is one more explanation of what comes
+        (``ended``): what was touched may have been the cause although something else seemed likelier.
+
+        Parameters
+        ----------
+        freed
+            By component: None for the population's spread, or by how much it may differ from what it was.
         """
-        filters = self.filters
-        touched = np.array([any(name in components for name, _ in k.moves) for k in FAULT_KINDS] + [False])
-        ended = np.flatnonzero(touched[filters.kind[: self.n]])
+        n, filters = self.n, self.filters
+        kept = ~np.append(_touched_by(freed), False)[filters.kind[:n]]
+        ended = np.flatnonzero(~kept)
+        self.ended = self.resolving = HEALTHY
         took_over = False
         if len(ended):
-            likeliest = ended[filters.log_evidence[ended].argmax()]
-            if filters.log_evidence[likeliest] >= filters.log_evidence[: self.n].max() - _LEVEL_EVIDENCE:
+            evidence = filters.log_evidence[:n]
+            likeliest = int(ended[evidence[ended].argmax()])
+            kind, lead = int(filters.kind[likeliest]), evidence[likeliest] - evidence[0]
+            took_over = bool(evidence[likeliest] >= evidence.max() - _LEVEL_EVIDENCE)
+            if took_over:
                 self._take_over(likeliest)
-                took_over = True
-        self._keep(np.flatnonzero(~touched[filters.kind[: self.n]]))
-        if "setting" in components:
+            elif lead > _LEVEL_EVIDENCE:
+                self._end(likeliest)
+                kept[likeliest] = True
+            if lead > _BEYOND_DOUBT:
+                self.ended, self.resolving = (kind, HEALTHY) if took_over else (HEALTHY, kind)
+        self._keep(np.flatnonzero(kept))
+        if "setting" in freed and freed["setting"] is None:
             # the compensator was opened: it regulates as it does now
             self.regulation = Regulation()
         if took_over:
             self._rebase()
         mean, sd = prior(self.pump)
-        for name in components:
-            if name in LIKE_BEFORE:
-                self._free(PLACE[name], np.nan, LIKE_BEFORE[name])
+        for name, like_before in freed.items():
+            if like_before is not None:
+                self._free(PLACE[name], np.nan, like_before)
             elif PLACE[name] < N_STATE:
                 self._free(PLACE[name], mean[PLACE[name]], sd[PLACE[name]])
+
+    def _end(self, row: int) -> None:
+        """Turn a filter into the one whose fault ended now."""
+        filters = self.filters
+        filters.kind[row], filters.shape[row], filters.onset[row] = GONE, STEP, self.records
+        for place in (AMPLITUDE, RATE, LAW):
+            filters.mean[row, place] = 0.0
+            filters.covariance[row, place, :] = filters.covariance[row, :, place] = 0.0
 
     def _take_over(self, row: int, moves: tuple[tuple[str, float], ...] = ()) -> None:
         """Let the healthy pump go on from where a filter stands: ``moves`` stay moved, the amplitude ends."""
         filters, into = self.filters, np.eye(N_STATE)
         for name, share in moves:
             into[PLACE[name], AMPLITUDE] = share
-        into[AMPLITUDE] = into[RATE] = 0.0
+        into[AMPLITUDE] = into[RATE] = into[LAW] = 0.0
         filters.mean[0] = into @ filters.mean[row]
         filters.covariance[0] = into @ filters.covariance[row] @ into.T
-        filters.log_evidence[0] = filters.log_evidence[row]
+        filters.log_evidence[0], filters.unexplained[0] = filters.log_evidence[row], filters.unexplained[row]
 
     def _keep(self, rows: Integers) -> None:
         """Drop every filter but these, in their order."""

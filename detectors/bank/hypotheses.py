@@ -5,11 +5,14 @@ A state vector holds what differs between pumps, aircraft and sensors (the nuisa
 inside the flows, not beside them: a big fault is not a small one times a slope.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.bank.shapes import ALIKE, ARRIVAL, N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP
 from detectors.expectation.components import INDEX, N_COMPONENTS, N_STATE, PLACE
 from detectors.words.verdict import State
 from twin.parameters import PumpType
@@ -22,13 +25,31 @@ gives 260 mbar with 0.22 L/min, three pistons +150 % give 57 mbar with 0.056 L/m
 
 
 @dataclass(frozen=True, slots=True)
+class Law:
+    """How a fault's law may lie between others: ``moves`` times its place, in units of the amplitude, come on top.
+
+    ``mean`` and ``sd`` of the place are its prior; ``pure`` names the laws that are one thing alone, with their places.
+    """
+
+    moves: tuple[tuple[str, float], ...] = ()
+    mean: float = 0.0
+    sd: float = 0.0
+    pure: tuple[tuple[str, float], ...] = ()
+
+
+NO_LAW = Law()
+
+
+@dataclass(frozen=True, slots=True)
 class FaultKind:
-    """One way in which something can change, mostly for the worse: which components move with its amplitude, how far, in which direction.
+    """One way in which something can change, mostly for the worse: which components move with its amplitude, how far, in
+    which direction.
 
     ``scale`` is the one-sigma size of a fault in the first component's unit; ``floor`` the size below which it is
-    not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does
-    not heal), 0 when both directions occur. ``sensor`` names the channel of a sensor fault. ``sudden`` and ``growing``
-    are how much likelier than others it sets in at once or grows [nat]; None: never.
+    not worth a word and counts as healthy; ``sign`` is +1 when the amplitude can only be positive (a leak does not heal),
+    0 when both directions occur. ``law`` is how its dependence on the condition may differ. ``sensor`` names the channel of
+    a sensor fault. ``share`` is its part of its state's prior: kinds of one state share it, so that a state with many kinds
+    is no likelier than one with few. ``sudden``, ``growing`` and ``comes_and_goes`` say in which shapes it occurs.
     ``beside`` names a second fault that comes with it: from the onset on the setting goes where it likes.
     """
 
@@ -39,8 +60,11 @@ class FaultKind:
     floor: float
     sign: int
     sensor: str | None = None
-    sudden: float | None = 0.0
-    growing: float | None = 0.0
+    law: Law = NO_LAW
+    share: float = 1.0
+    sudden: bool = True
+    growing: bool = True
+    comes_and_goes: bool = False
     beside: State | None = None
 
     @property
@@ -49,107 +73,167 @@ class FaultKind:
         return self.moves[0][0] if self.moves else ""
 
 
-_WEARS = -1.6
-"""Wear grows: one leak in five sets in at once, and pure orifices are rare among them (estimates) [nat]."""
-_TWO = -4.0
-"""Two faults that set in together, against one (estimate) [nat]."""
+_TWO = math.exp(-4.0)
+"""Share of two faults that set in together (estimate)."""
+_PUMP, _DRAIN, _SENSOR = State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION, State.SENSOR_FAULT
+_SLIPPERS, _LEAK = (("slipper_extra", 1.0),), 0.4
+_CASE = "case_pressure_bar"
+_RESISTANCE, _MORE = (("drain_extra", 1.0),), 0.5
+_THROTTLED = Law(
+    (("slipper_extra", -1.0), ("throttled", 1.0)),
+    0.1,
+    0.25,
+    (("leakage, slippers", 0.0), ("leakage, mixed", 0.5), ("leakage, throttled", 1.0)),
+)
+"""A wide slipper gap leaves the throttle in charge (estimate: a tenth of what is added, give or take a quarter)."""
+_GAP_OR_ORIFICE = Law(
+    (("system_orifice", -1.0), ("system_laminar", 1.0)),
+    0.5,
+    0.4,
+    (("system leakage, orifice", 0.0), ("system leakage, laminar", 1.0)),
+)
+"""Nobody knows through what a circuit leaks."""
+_CLOGGED = Law((("drain_viscous", 1.0), ("drain_orifice", -1.0)), 0.0, 0.15, (("drain restriction", 0.0),))
+"""What clogs a drain has its line's law, more of a filter's (viscous), or more of a narrowed fitting's (estimate)."""
 FAULT_KINDS: tuple[FaultKind, ...] = (
     FaultKind(
-        "leakage, slippers", State.PUMP_DEGRADATION, (("slipper_extra", 1.0),), 0.4, 0.05, 1, sudden=_WEARS, growing=1.0
+        "leakage, slippers",
+        _PUMP,
+        _SLIPPERS,
+        _LEAK,
+        0.05,
+        1,
+        law=_THROTTLED,
+        share=0.5,
+        comes_and_goes=True,
     ),
     FaultKind(
         "leakage, port plate",
-        State.PUMP_DEGRADATION,
+        _PUMP,
         (("laminar_extra", 1.0),),
-        0.4,
+        _LEAK,
         0.05,
         1,
-        sudden=_WEARS,
-        growing=1.0,
+        law=Law((("laminar_extra", -1.0), ("throttled", 1.0)), 0.0, 0.1, (("leakage, port plate", 0.0),)),
+        share=0.3,
     ),
+    FaultKind("uneven wear", _PUMP, (*_SLIPPERS, ("once", ONCE_PER_LEAKAGE)), 0.2, 0.02, 1, share=0.2),
+    FaultKind("setting", State.COMPENSATOR_FAULT, (("setting", 1.0),), 2.0, 0.7, 0, share=0.8),
+    FaultKind("bleed", State.COMPENSATOR_FAULT, (("bleed", 1.0),), 0.2, 0.05, 1, share=0.2),
     FaultKind(
-        "leakage, mixed",
-        State.PUMP_DEGRADATION,
-        (("slipper_extra", 0.5), ("throttled", 0.5)),
-        0.4,
-        0.05,
+        "system leakage",
+        State.SYSTEM_LEAKAGE,
+        (("system_orifice", 1.0),),
+        1.5,
+        0.3,
         1,
-        sudden=_WEARS,
+        law=_GAP_OR_ORIFICE,
+        comes_and_goes=True,
     ),
-    FaultKind(
-        "leakage, throttled",
-        State.PUMP_DEGRADATION,
-        (("throttled", 1.0),),
-        0.4,
-        0.05,
-        1,
-        sudden=2.0 * _WEARS,
-        growing=_WEARS,
-    ),
-    FaultKind(
-        "uneven wear",
-        State.PUMP_DEGRADATION,
-        (("slipper_extra", 1.0), ("once", ONCE_PER_LEAKAGE)),
-        0.2,
-        0.02,
-        1,
-        sudden=_WEARS,
-    ),
-    FaultKind("setting", State.COMPENSATOR_FAULT, (("setting", 1.0),), 2.0, 0.7, 0, sudden=1.0, growing=2.0),
-    FaultKind("bleed", State.COMPENSATOR_FAULT, (("bleed", 1.0),), 0.2, 0.05, 1, sudden=_WEARS),
-    FaultKind("system leakage, orifice", State.SYSTEM_LEAKAGE, (("system_orifice", 1.0),), 1.5, 0.3, 1),
-    FaultKind("system leakage, laminar", State.SYSTEM_LEAKAGE, (("system_laminar", 1.0),), 1.5, 0.3, 1),
-    FaultKind("drain restriction", State.DRAIN_RESTRICTION, (("ln_drain", 1.0),), 0.3, 0.06, 1),
-    FaultKind("case sensor", State.SENSOR_FAULT, (("case_offset", 1.0),), 0.15, 0.06, 0, "case_pressure_bar"),
-    FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.06, 0.0, 0, sudden=2.3, growing=None),
+    FaultKind("drain restriction", _DRAIN, _RESISTANCE, _MORE, 0.06, 1, law=_CLOGGED, comes_and_goes=True),
+    FaultKind("case sensor", _SENSOR, (("case_offset", 1.0),), 0.15, 0.06, 0, _CASE, share=0.4),
+    FaultKind("case sensor, span", _SENSOR, (("case_span", -1.0),), 0.3, 0.1, 1, _CASE, share=0.2, growing=False),
+    FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.06, 0.0, 0, growing=False),
     FaultKind(
         "drain restriction, setting moves",
-        State.DRAIN_RESTRICTION,
-        (("ln_drain", 1.0),),
-        0.3,
+        _DRAIN,
+        _RESISTANCE,
+        _MORE,
         0.06,
         1,
-        sudden=None,
-        growing=_TWO,
+        law=_CLOGGED,
+        share=_TWO,
+        sudden=False,
         beside=State.COMPENSATOR_FAULT,
     ),
     FaultKind(
         "leakage, setting moves",
-        State.PUMP_DEGRADATION,
-        (("slipper_extra", 1.0),),
-        0.4,
+        _PUMP,
+        _SLIPPERS,
+        _LEAK,
         0.05,
         1,
-        sudden=None,
-        growing=_TWO,
+        law=_THROTTLED,
+        share=_TWO,
+        sudden=False,
         beside=State.COMPENSATOR_FAULT,
     ),
-    FaultKind("reservoir sensor", State.SENSOR_FAULT, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar"),
-    FaultKind("fault gone", State.HEALTHY, (), 0.0, 0.0, 0, sudden=-1.0, growing=None),
+    FaultKind("reservoir sensor", _SENSOR, (("reservoir", 1.0),), 0.5, 0.1, 0, "reservoir_pressure_bar", share=0.4),
+    FaultKind("none of these", State.OTHER, (), 0.0, 0.0, 0, growing=False),
+    FaultKind("fault gone", State.HEALTHY, (), 0.0, 0.0, 0, growing=False),
 )
-"""Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show. Settings drift more often than
-pumps fail (and no healthy pump of the studies was ever taken for one); fluid is changed once in some hundred flights. That a fault is
-gone must stay less likely than the alarm level is high: every new candidate would hold the alarm back."""
+"""Sizes are estimates: what is worth finding on an H225 and what the literature's rigs show; so are the shares within a
+state: nobody counts which gap of a pump wears first."""
 N_KINDS = len(FAULT_KINDS)
-GONE = N_KINDS - 1
-"""The kind that undoes the likeliest fault: it begins where that fault's filter stands, without the fault."""
-LOG_HAZARD = float(np.log(1.0e-3))
-"""Prior of a fault of one kind setting in within the spacing of onset candidates (estimate)."""
+GONE, OTHER = N_KINDS - 1, N_KINDS - 2
+"""The kind that undoes the likeliest fault: it begins where that fault's filter stands, without the fault; and the one
+that knows nothing but how far apart two records of a pump may lie."""
+HAZARD = 4.0e-3
+"""Prior of each state setting in within the spacing of onset candidates, the same for every state (estimate)."""
+_OTHER_HAZARD = 1.0e-3
+_FLUID_HAZARD = 1.0e-2
+"""A batch is changed once in some hundred flights (estimate)."""
+_GONE_HAZARD = 4.0e-4
+"""That a fault is gone must stay less likely than the alarm level is high: every new candidate would hold the alarm back."""
+_ALIKE = {STEP: 0.45, RAMP: 0.45, ON_OFF: 0.1}
+"""Shares of the shapes where nothing is known of a cause (our choice: steps and growth alike, one in ten comes and goes)."""
+_WEARS = {STEP: 0.15, RAMP: 0.75, ON_OFF: 0.1}
+"""Shares of the shapes of wear: gaps open by abrasion, flight after flight (estimate: one leak in six sets in at once)."""
 
 
-def log_hazards() -> Array:
-    """Prior of each kind setting in at once (first row) or beginning to grow, shape (2, N_KINDS); -inf: never."""
-    shapes = ([k.sudden for k in FAULT_KINDS], [k.growing for k in FAULT_KINDS])
-    return LOG_HAZARD + np.array([[-np.inf if h is None else h for h in likelier] for likelier in shapes])
+def log_priors(log_arrival: float) -> Array:
+    """Priors of each kind by shape [nat], shape (2, N_SHAPES, N_KINDS): as stated, and with the same shapes for every cause.
+
+    -inf stands for what never occurs; ``log_arrival`` is that of a pump that comes worn, the same for all kinds.
+    """
+    table = np.full((2, N_SHAPES, N_KINDS), -np.inf)
+    table[:, ARRIVAL] = log_arrival
+    for k, kind in enumerate(FAULT_KINDS):
+        if k == OTHER:
+            table[:, OPEN, k] = math.log(_OTHER_HAZARD)
+            continue
+        hazard = HAZARD * kind.share
+        if kind.state is State.HEALTHY:
+            hazard = _GONE_HAZARD if k == GONE else _FLUID_HAZARD
+        occurs = {STEP: kind.sudden, RAMP: kind.growing, ON_OFF: kind.comes_and_goes}
+        for which, shares in ((STATED, _WEARS if kind.state is _PUMP else _ALIKE), (ALIKE, _ALIKE)):
+            for shape, share in shares.items():
+                if occurs[shape]:
+                    table[which, shape, k] = math.log(hazard * (share if kind.growing else 1.0))
+    return table
 
 
 def directions() -> Array:
-    """Change of each component per unit of amplitude, shape (N_KINDS, N_COMPONENTS)."""
-    table = np.zeros((N_KINDS, N_COMPONENTS))
-    for k, kind in enumerate(FAULT_KINDS):
-        for name, share in kind.moves:
-            table[k, INDEX[name]] = share
+    """Change of each component per unit of amplitude, and per unit of its product with the law, (N_KINDS, 2, N_COMPONENTS)."""
+    moves = [moves for kind in FAULT_KINDS for moves in (kind.moves, kind.law.moves)]
+    return rows_of(moves).reshape(N_KINDS, 2, N_COMPONENTS)
+
+
+def rows_of(moves: Sequence[tuple[tuple[str, float], ...]]) -> Array:
+    """Shares by component, shape (len(moves), N_COMPONENTS)."""
+    table = np.zeros((len(moves), N_COMPONENTS))
+    for row, shares in zip(table, moves, strict=True):
+        for name, share in shares:
+            row[INDEX[name]] = share
     return table
+
+
+def laws() -> Array:
+    """Mean and spread of the place of each kind's law, zeros for the healthy pump last, shape (N_KINDS + 1, 2)."""
+    return np.array([(kind.law.mean, kind.law.sd) for kind in FAULT_KINDS] + [(0.0, 0.0)])
+
+
+def pure_kinds() -> tuple[FaultKind, ...]:
+    """Kinds of fault with one law each: what can be told from what is asked of these."""
+    found: list[FaultKind] = []
+    for kind in FAULT_KINDS:
+        for name, at in kind.law.pure if kind.beside is None and kind.law.pure else ((kind.name, 0.0),):
+            moves = dict(kind.moves)
+            for component, share in kind.law.moves:
+                moves[component] = moves.get(component, 0.0) + at * share
+            kept = tuple((component, share) for component, share in moves.items() if share != 0.0)
+            found.append(replace(kind, name=name, moves=kept, law=NO_LAW))
+    return tuple(found)
 
 
 def kind_scales() -> Array:
@@ -176,7 +260,7 @@ _WALK: dict[str, float] = {
     "reservoir": 0.0005,
     "ln_ripple": 0.001,
     "ln_case_ripple": 0.002,
-    "once": 0.002,
+    "once": 0.0005,
     "load_case": 0.001,
     "load_case_square": 0.001,
     "load_warmth": 0.0005,

@@ -5,10 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from detectors.bank.shapes import Array, Filters, Freed, Reading, Walks
+from detectors.bank.shapes import ON_OFF, OPEN, REMEMBERED, Array, Filters, Freed, Reading, Walks
+from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import (
     AMPLITUDE,
     CASE_OFFSET,
+    CASE_SPAN,
+    LAW,
     LN_RIPPLE,
     N_COMPONENTS,
     N_LIVING,
@@ -28,6 +31,13 @@ DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
 
 N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
 """A slope for every place of the state, and after them one for every component that only a fault moves."""
+_EXPLAINED = (16.0, 19.3, 22.1, 24.5, 26.9, 29.1)
+"""Squared distance up to which k numbers count as explained: what one good record in 16,000 exceeds (chi-squared)."""
+_OPEN_SD = (5.0, 0.5, 0.3, 0.5, 0.5, 0.1)
+"""How far apart two records of one pump may lie when nothing is known of the reason, by what is measured (estimates: a
+tenth of what the sensors span, and no less than the largest faults that have a name move)."""
+_REMEMBERED = 2**REMEMBERED - 1
+_P_R = COLUMN["reservoir"]
 _IMPOSSIBLE = -50.0
 """Log density of a measurement that a filter cannot weigh (estimate: far below any outlier's, and no infinity) [nat]."""
 
@@ -35,7 +45,7 @@ _IMPOSSIBLE = -50.0
 @compiled
 def place(j: int) -> int:
     """Place of component j in a state, or among the slopes."""
-    return j if j < LN_RIPPLE else j + 2
+    return j if j < LN_RIPPLE else j + LAW + 1 - LN_RIPPLE
 
 
 @compiled
@@ -52,22 +62,26 @@ def predicted(
 ) -> None:
     """What a state says the sensors show, ``y`` (6,), and its slopes ``H`` (6, N_SLOPES).
 
-    ``direction`` (N_COMPONENTS,) is what the amplitude moves; ``ripple`` holds the relative slopes of order n of both
-    pressures by the components, shape (2, N_COMPONENTS); ``full`` and ``slopes`` are work space. Only the first
-    ``n_rows`` of ``H`` are needed, at least three; where no more are, those of the lines stay as they are.
+    ``direction`` (2, N_COMPONENTS) is what the amplitude moves, and what its product with the law moves on top;
+    ``ripple`` holds the relative slopes of order n of both pressures by the components, shape (2, N_COMPONENTS);
+    ``full`` and ``slopes`` are work space. Only the first ``n_rows`` of ``H`` are needed, at least three; where no more
+    are, those of the lines stay as they are.
     """
-    for j in range(N_COMPONENTS):
-        full[j] = direction[j] * state[AMPLITUDE]
-        if j < N_LIVING:
-            full[j] += state[place(j)]
+    amplitude, law = state[AMPLITUDE], state[LAW]
+    _whole(state, direction, full)
     pressures(anchor, full, y, slopes)
     H[:n_rows, :] = 0.0
     for j in range(N_COMPONENTS):
         H[DISCHARGE, place(j)], H[CASE, place(j)] = slopes[DISCHARGE, j], slopes[CASE, j]
-    y[CASE] += full[CASE_OFFSET]
+    span = 1.0 + full[CASE_SPAN]
+    if span != 1.0:
+        H[CASE, :] *= span
+    H[CASE, place(CASE_SPAN)] = y[CASE]
+    y[CASE] = span * y[CASE] + full[CASE_OFFSET]
     H[CASE, CASE_OFFSET] = 1.0
-    y[ZERO] = full[CASE_OFFSET] + full[RESERVOIR]
-    H[ZERO, CASE_OFFSET], H[ZERO, RESERVOIR] = 1.0, 1.0
+    reservoir = anchor[_P_R] + full[RESERVOIR]
+    y[ZERO] = full[CASE_OFFSET] + full[RESERVOIR] + full[CASE_SPAN] * reservoir
+    H[ZERO, CASE_OFFSET], H[ZERO, RESERVOIR], H[ZERO, place(CASE_SPAN)] = 1.0, span, reservoir
     if n_rows > RIPPLE:
         for r in range(2):
             gain = math.exp(full[LN_RIPPLE + r])
@@ -80,9 +94,19 @@ def predicted(
         y[LINE] = abs(full[ONCE])
         H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
     for j in range(N_COMPONENTS):
-        if direction[j] != 0.0:
+        if direction[0, j] != 0.0 or direction[1, j] != 0.0:
             for i in range(n_rows):
-                H[i, AMPLITUDE] += H[i, place(j)] * direction[j]
+                H[i, AMPLITUDE] += H[i, place(j)] * (direction[0, j] + law * direction[1, j])
+                H[i, LAW] += H[i, place(j)] * amplitude * direction[1, j]
+
+
+@compiled
+def _whole(state: Array, direction: Array, full: Array) -> None:
+    """All components of a state with its fault, into ``full`` (N_COMPONENTS,)."""
+    for j in range(N_COMPONENTS):
+        full[j] = (direction[0, j] + direction[1, j] * state[LAW]) * state[AMPLITUDE]
+        if j < N_LIVING:
+            full[j] += state[place(j)]
 
 
 @compiled
@@ -147,8 +171,11 @@ def take(
     point: Array,
     wander: Array,
     room: Scratch,
-) -> float:
-    """Take one measurement into one filter, in place; logarithm of its predictive density (without constants).
+) -> tuple[float, float]:
+    """Take one measurement into one filter, in place.
+
+    Gives the logarithm of its predictive density (without constants), and its squared distance over the largest that
+    counts as explained.
 
     Parameters
     ----------
@@ -176,7 +203,7 @@ def take(
     slopes, full = wide[3 * N_MEASURED : 3 * N_MEASURED + 3], wide[3 * N_MEASURED + 3]
     S, L = small[:N_MEASURED], small[N_MEASURED : 2 * N_MEASURED]
     y, innovation, white = small[2 * N_MEASURED], small[2 * N_MEASURED + 1], small[2 * N_MEASURED + 2]
-    log_density = 0.0
+    log_density, misfit = 0.0, 0.0
     for iteration in range(iterations):
         predicted(point, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
         for a in range(k):
@@ -193,8 +220,9 @@ def take(
         if good:
             distance, log_det = _whitened(L, innovation, white, k)
         if not (good and distance < 1.0e300):
-            return log_density + _IMPOSSIBLE
+            return log_density + _IMPOSSIBLE, np.inf
         if iteration == 0:
+            misfit = distance / _EXPLAINED[k - 1]
             log_density = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k) * math.log1p(distance / STUDENT_DEGREES)
         if len(wander) > 0:
             distance = max(distance, _residual_distance(H, y, reading, n, wander, small))
@@ -222,7 +250,7 @@ def take(
     _less(P, W, k, n)
     for i in range(n):
         m[i] = point[i]
-    return log_density
+    return log_density, misfit
 
 
 @inlined
@@ -266,6 +294,8 @@ def _residual_distance(H: Array, y: Array, reading: Reading, n: int, wander: Arr
 def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, n: int, iterations: int) -> None:
     """Take one measurement into the first ``n_filters`` filters, in place.
 
+    What comes and goes is asked twice, with its fault and without it, and goes on from the likelier answer.
+
     Parameters
     ----------
     directions
@@ -275,13 +305,105 @@ def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, 
     """
     mean, covariance, kind, log_evidence = filters.mean, filters.covariance, filters.kind, filters.log_evidence
     room = scratch()
-    point, nowhere = np.empty(N_STATE), np.empty(0)
+    point, nowhere, nothing = np.empty(N_STATE), np.empty(0), directions[len(directions) - 1]
+    before, spread_before = np.empty(N_STATE), np.empty((N_STATE, N_STATE))
+    shown, spread_shown = np.empty(N_STATE), np.empty((N_STATE, N_STATE))
     for f in range(n_filters):
-        for i in range(N_STATE):
-            point[i] = mean[f, i]
-        log_evidence[f] += take(
-            mean[f], covariance[f], directions[kind[f]], reading, n, iterations, point, nowhere, room
-        )
+        m, P = mean[f], covariance[f]
+        if filters.shape[f] == OPEN:
+            log_evidence[f] += _open_density(m, reading, nothing, room)
+            filters.misfit[f] = np.inf
+            continue
+        comes_and_goes = filters.shape[f] == ON_OFF
+        if comes_and_goes:
+            before[:], spread_before[:, :] = m, P
+        with_fault, misfit_shown = 0.0, 0.0
+        for attempt in range(2 if comes_and_goes else 1):
+            for i in range(N_STATE):
+                point[i] = m[i]
+            direction = directions[kind[f]] if attempt == 0 else nothing
+            found, misfit = take(m, P, direction, reading, n, iterations, point, nowhere, room)
+            if not comes_and_goes:
+                log_evidence[f] += found
+                filters.misfit[f] = max(filters.misfit[f], misfit)
+            elif attempt == 0:
+                with_fault, misfit_shown = found, misfit
+                shown[:], spread_shown[:, :] = m, P
+                m[:], P[:, :] = before, spread_before
+            else:
+                log_evidence[f] += _log_half_of(with_fault, found)
+                if with_fault > found:
+                    m[:], P[:, :] = shown, spread_shown
+                    misfit = misfit_shown
+                    filters.shown[f] |= 1
+                filters.misfit[f] = max(filters.misfit[f], misfit)
+
+
+@compiled
+def expected(m: Array, direction: Array, reading: Reading) -> tuple[float, float, float]:
+    """Discharge and case pressure that a filter expects to be measured, and its case over reservoir pressure [bar]."""
+    wide, small = scratch()
+    H, slopes, full, y = (
+        wide[:N_MEASURED],
+        wide[3 * N_MEASURED : 3 * N_MEASURED + 3],
+        wide[3 * N_MEASURED + 3],
+        small[0],
+    )
+    predicted(m, direction, reading.anchor, reading.ripple, full, slopes, y, H, ZERO + 1)
+    reservoir = reading.anchor[_P_R] + full[RESERVOIR]
+    return float(y[DISCHARGE]), float(y[CASE]), float(y[CASE] - full[CASE_OFFSET] - reservoir)
+
+
+@compiled
+def surprise(m: Array, P: Array, direction: Array, reading: Reading, n: int) -> float:
+    """Squared distance of a measurement from what a filter expects, over the largest that counts as explained."""
+    room, point = scratch(), m.copy()
+    return take(m.copy(), P.copy(), direction, reading, n, 1, point, np.empty(0), room)[1]
+
+
+@compiled
+def _log_half_of(a: float, b: float) -> float:
+    """Logarithm of the mean of two numbers that are given as logarithms."""
+    high, low = max(a, b), min(a, b)
+    return high + math.log1p(math.exp(low - high)) - math.log(2.0)
+
+
+@compiled
+def _open_density(m: Array, reading: Reading, direction: Array, room: Scratch) -> float:
+    """Logarithm of the predictive density of whoever knows nothing but how far apart two records may lie."""
+    anchor, ripple, values, noise, seen = reading
+    wide, small = room
+    H, slopes, full, y = (
+        wide[:N_MEASURED],
+        wide[3 * N_MEASURED : 3 * N_MEASURED + 3],
+        wide[3 * N_MEASURED + 3],
+        small[0],
+    )
+    k = len(seen)
+    predicted(m, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
+    distance, log_det = 0.0, 0.0
+    for a in range(k):
+        i = seen[a]
+        variance = noise[i, i] + _OPEN_SD[i] * _OPEN_SD[i]
+        distance += (values[i] - y[i]) ** 2 / variance
+        log_det += math.log(variance)
+    return -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k) * math.log1p(distance / STUDENT_DEGREES)
+
+
+@compiled
+def remembered(filters: Filters, n_filters: int) -> None:
+    """A record is over: note which of the first filters explained it, and make room for the next, in place."""
+    for f in range(n_filters):
+        bit = 1 if filters.misfit[f] > 1.0 else 0
+        filters.unexplained[f] = (filters.unexplained[f] << 1 | bit) & _REMEMBERED
+        filters.misfit[f] = 0.0
+
+
+@compiled
+def begun(filters: Filters, n_filters: int) -> None:
+    """A record begins: no fault has shown in it yet, in place."""
+    for f in range(n_filters):
+        filters.shown[f] = filters.shown[f] << 1 & _REMEMBERED
 
 
 @compiled
@@ -344,13 +466,11 @@ def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) 
     """Case flow of one filter's state at an anchor and its variance [L/min, (L/min)^2]."""
     full, slopes, y = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(2)
     gradient = np.zeros(N_STATE)
-    for j in range(N_COMPONENTS):
-        full[j] = direction[j] * state[AMPLITUDE]
-        if j < N_LIVING:
-            full[j] += state[place(j)]
+    _whole(state, direction, full)
     flow = pressures(anchor, full, y, slopes)
     for j in range(N_COMPONENTS):
-        gradient[AMPLITUDE] += slopes[2, j] * direction[j]
+        gradient[AMPLITUDE] += slopes[2, j] * (direction[0, j] + direction[1, j] * state[LAW])
+        gradient[LAW] += slopes[2, j] * direction[1, j] * state[AMPLITUDE]
         if j < N_LIVING:
             gradient[place(j)] = slopes[2, j]
     variance = 0.0
@@ -362,17 +482,21 @@ def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) 
 
 @compiled
 def mean_case_flow(
-    filters: Filters, weights: Array, directions: Array, anchor: Array, likeliest: int
-) -> tuple[float, float]:
-    """Case flow at an anchor, averaged over the likeliest filters, and its standard deviation [L/min]."""
-    left = weights.copy()
-    whole, first, second = 0.0, 0.0, 0.0
-    for _ in range(min(likeliest, len(left))):
-        f = np.argmax(left)
+    filters: Filters, weights: Array, directions: Array, anchor: Array, least: float, limit: float, widening: float
+) -> tuple[float, float, float]:
+    """Case flow at an anchor over the filters with at least a ``least`` share: mean, standard deviation, and how likely it
+    lies beyond a limit [L/min], each filter's own spread widened.
+    """
+    whole, first, second, beyond = 0.0, 0.0, 0.0, 0.0
+    most = weights.max()
+    for f in range(len(weights)):
+        if weights[f] < min(least, most):
+            continue
         flow, variance = case_flow(filters.mean[f], filters.covariance[f], directions[filters.kind[f]], anchor)
-        whole += left[f]
-        first += left[f] * flow
-        second += left[f] * (variance + flow * flow)
-        left[f] = -1.0
+        whole += weights[f]
+        first += weights[f] * flow
+        second += weights[f] * (variance + flow * flow)
+        spread = widening * math.sqrt(max(variance, 1.0e-12))
+        beyond += weights[f] * 0.5 * math.erfc((limit - flow) / (spread * math.sqrt(2.0)))
     first /= whole
-    return first, math.sqrt(max(second / whole - first * first, 0.0))
+    return first, math.sqrt(max(second / whole - first * first, 0.0)), beyond / whole

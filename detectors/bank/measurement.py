@@ -22,7 +22,7 @@ from detectors.expectation.residuals import (
     matching_condition,
     reservoir_noise_sd,
 )
-from detectors.expectation.ripple import CASE_RIPPLE_SD, LINE_SD_BAR, RIPPLE_SD, ripples, surfaces_of
+from detectors.expectation.ripple import CASE_RIPPLE_SD, RIPPLE_SD, ripples, surfaces_of
 from detectors.expectation.type_correction import Correction, HealthyCurve, corrections
 from detectors.words.observation import Mean, Observation, Residual, Window, WindowKind, Zero
 from detectors.words.signature import Droop, Spectrum
@@ -152,7 +152,7 @@ def _lines(
         seen.append(place)
     once = spectrum.channels["discharge_pressure_bar"].line(1)
     values[LINE] = once.amplitude_bar
-    noise[LINE, LINE] = once.standard_error_bar**2 + LINE_SD_BAR**2
+    noise[LINE, LINE] = once.standard_error_bar**2  # its scatter from flight to flight is learnt
     seen.append(LINE)
     regulation = measurement.regulation.copy()
     discharge = spectrum.channels["discharge_pressure_bar"]

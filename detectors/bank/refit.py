@@ -12,9 +12,21 @@ import math
 import numpy as np
 
 from detectors.bank.kernel import Scratch, free, scratch, take, wandered
-from detectors.bank.shapes import Array, Base, Filters, History, Integers, Kinds, Reading, Walks
-from detectors.bank.summary import ARRIVAL, RAMP, STEP
-from detectors.expectation.components import AMPLITUDE, N_STATE, RATE, RESERVOIR, SETTING
+from detectors.bank.shapes import (
+    ARRIVAL,
+    RAMP,
+    STATED,
+    STEP,
+    Array,
+    Base,
+    Filters,
+    History,
+    Integers,
+    Kinds,
+    Reading,
+    Walks,
+)
+from detectors.expectation.components import AMPLITUDE, LAW, N_STATE, RATE, RESERVOIR, SETTING
 from twin.compiled import compiled
 
 _PASSES_OF_FAULTS = 2
@@ -57,7 +69,7 @@ def fit_anew(
     young = history.record[len(history.record) - 1] - base.records < _YOUNG
     for f in rows:
         k, form = filters.kind[f], filters.shape[f]
-        prior = 0.0 if k < 0 else kinds.log_priors[form, k]
+        prior = 0.0 if k < 0 else kinds.log_priors[STATED, form, k]
         passes = most_passes if k < 0 or form == ARRIVAL else _PASSES_OF_FAULTS
         own = mean[f].copy()
         best = -np.inf
@@ -69,7 +81,7 @@ def fit_anew(
             # and what set in since, young, from where the healthy pump came to; who came worn never was that pump
             if attempt == 1 or (k >= 0 and young and form != ARRIVAL):
                 start[:] = other
-                start[AMPLITUDE], start[RATE] = own[AMPLITUDE], own[RATE]
+                start[AMPLITUDE], start[RATE], start[LAW] = own[AMPLITUDE], own[RATE], own[LAW]
             found = 0.0
             for passage in range(passes):
                 backwards = attempt == 2 and passage == 0
@@ -129,6 +141,7 @@ def _through(
     if shape == ARRIVAL and kind >= 0:
         m[AMPLITUDE] = kinds.arrival_mean
         P[AMPLITUDE, AMPLITUDE] = kinds.arrival_spread**2
+        m[LAW], P[LAW, LAW] = kinds.laws[kind, 0], kinds.laws[kind, 1] ** 2
         begun = True
     total, at = 0.0, base.records - 1
     along, grows = 0.0, 0.0
@@ -153,9 +166,10 @@ def _through(
             if not begun and at >= onset:
                 begun = True
                 filters.setting_at_onset[f] = m[SETTING]
-                spread = kinds.scales[kind] if shape == STEP else kinds.scales[kind] / kinds.ramp_records
+                spread = filters.scale[f] if shape == STEP else filters.scale[f] / kinds.ramp_records
                 begins = AMPLITUDE if shape == STEP else RATE
                 P[begins, begins] = spread**2
+                m[LAW], P[LAW, LAW] = kinds.laws[kind, 0], kinds.laws[kind, 1] ** 2
             if begun:
                 wandered(m, P, walk, amplitude_walk, rate_walk, setting_walk)
             else:
@@ -180,5 +194,6 @@ def _through(
         wander[SETTING] += (last - max(at, onset)) * setting_walk
         point[AMPLITUDE], point[RATE] = along, grows
         reading = Reading(history.anchors[i], history.ripples[i], history.values[i], history.noises[i], places[:n_seen])
-        total += take(m, P, direction, reading, alive, 1, point, nowhere if backwards else wander, room)
+        density, _ = take(m, P, direction, reading, alive, 1, point, nowhere if backwards else wander, room)
+        total += density
     return total

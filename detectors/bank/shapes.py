@@ -12,6 +12,15 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
+STEP, RAMP, ARRIVAL, ON_OFF, OPEN = range(5)
+"""Shapes of a fault: there at once, growing, there from the first record on, coming and going, and none that is known."""
+N_SHAPES = 5
+STATED, ALIKE = range(2)
+"""Columns of a filter's priors: as stated, and with the same shapes for every cause."""
+REMEMBERED = 20
+"""Records of which a filter remembers whether it explained them, and whether its fault showed."""
+
+
 class Filters(NamedTuple):
     """Filters side by side, first axis M.
 
@@ -20,12 +29,19 @@ class Filters(NamedTuple):
     mean, covariance
         Of the state, shapes (M, N) and (M, N, N).
     kind, shape, onset
-        Index into ``FAULT_KINDS`` (-1: healthy), ``STEP``, ``RAMP`` or ``ARRIVAL``, and the record number at which the
-        fault sets in.
+        Index into ``FAULT_KINDS`` (-1: healthy), one of the shapes, and the record number at which the fault sets in.
     log_evidence
-        Log of prior times product of predictive densities [nat].
+        Log of stated prior times product of predictive densities [nat].
     setting_at_onset
         The setting when the fault set in [bar].
+    scale
+        One-sigma size that the fault was expected to have when it set in, in its kind's unit.
+    prior
+        Logarithms of the stated and of the shape-neutral prior [nat], shape (M, 2).
+    misfit
+        Largest squared distance of a window of the record that is being taken, over the largest that counts as explained.
+    unexplained, shown
+        The last ``REMEMBERED`` records as bits, the latest lowest: was it not explained, and did the fault show.
     """
 
     mean: Array
@@ -35,6 +51,11 @@ class Filters(NamedTuple):
     onset: Integers
     log_evidence: Array
     setting_at_onset: Array
+    scale: Array
+    prior: Array
+    misfit: Array
+    unexplained: Integers
+    shown: Integers
 
 
 class Walks(NamedTuple):
@@ -120,10 +141,14 @@ class Kinds(NamedTuple):
     Attributes
     ----------
     directions, scales
-        What each kind moves per unit of amplitude, shape (K + 1, N_COMPONENTS), and its one-sigma size, shape (K + 1,);
-        the last row, zeros, serves the healthy pump.
+        What each kind moves per unit of amplitude and of its product with the law, shape (K + 1, 2, N_COMPONENTS), and its
+        one-sigma size, shape (K + 1,); the last row, zeros, serves the healthy pump.
+    laws
+        Mean and spread of the place of each kind's law, shape (K + 1, 2).
+    signs
+        Sign of each kind's amplitude (0: both), shape (K + 1,).
     log_priors
-        How likely each sets in, shape (3, K): steps, ramps, arrivals [nat].
+        How likely each sets in, as stated and shape-neutral, shape (2, N_SHAPES, K) [nat].
     ramp_records
         Records in which a ramp of one sigma grows by the kind's scale.
     arrival_mean, arrival_spread
@@ -132,6 +157,8 @@ class Kinds(NamedTuple):
 
     directions: Array
     scales: Array
+    laws: Array
+    signs: Integers
     log_priors: Array
     ramp_records: float
     arrival_mean: float
@@ -172,10 +199,10 @@ class Sums(NamedTuple):
     Attributes
     ----------
     weights
-        Posterior shares of the filters, shape (M,); one-sided faults are weighed by the sign they came out with.
+        Posterior shares of the filters, shape (N_WAYS, M); one-sided faults are weighed by the sign they came out with.
     of_all, changed
-        Shares by state, the healthy pump last, shape (n_states + 1,): of all, and of what changed since the first
-        record (an arrival counts as healthy there).
+        Shares by state, none of these and the healthy pump last, shape (N_WAYS, n_states + 2): of all, and of what changed since
+        the first record (an arrival counts as healthy there).
     together
         Shares of two faults by state of the first and of the second, shape (n_states, n_states).
     moments
@@ -190,6 +217,10 @@ class Sums(NamedTuple):
     moments: Array
 
 
+WHOLE, AS_STATED, AS_ALIKE = range(3)
+N_WAYS = 3
+"""Ways to weigh filters: by the stated prior and all that the data say; by the stated and by the shape-neutral prior and what
+the data are good for where causes compete."""
 N_MOMENTS = 4
 SHARE, FIRST, SECOND, RESOLUTION = range(N_MOMENTS)
 """Columns of ``Sums.moments``."""

@@ -4,12 +4,34 @@ import math
 
 import numpy as np
 
-from detectors.bank.shapes import FIRST, RESOLUTION, SECOND, SHARE, Array, Filters, Integers, Kinds, Meaning, Sums
-from detectors.expectation.components import AMPLITUDE, RATE, SETTING
+from detectors.bank.shapes import (
+    ALIKE,
+    ARRIVAL,
+    AS_ALIKE,
+    AS_STATED,
+    FIRST,
+    N_WAYS,
+    ON_OFF,
+    OPEN,
+    RAMP,
+    RESOLUTION,
+    SECOND,
+    SHARE,
+    STATED,
+    STEP,
+    WHOLE,
+    Array,
+    Filters,
+    Integers,
+    Kinds,
+    Meaning,
+    Sums,
+)
+from detectors.expectation.components import AMPLITUDE, LAW, RATE, SETTING
 from twin.compiled import compiled
 
-STEP, RAMP, ARRIVAL = 0, 1, 2
-"""Shapes of a fault: there at once, growing, there from the first record on."""
+TEMPER = 0.85
+"""Exponent of the likelihood where causes compete: their laws are not the world's."""
 
 
 @compiled
@@ -26,8 +48,8 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
     mean, covariance, kind, shape, onset = filters.mean, filters.covariance, filters.kind, filters.shape, filters.onset
     weights, of_all, changed, together, moments = sums
     _weigh(filters, n, meaning.signs, weights)
-    of_all[:], changed[:], moments[:, :], together[:, :] = 0.0, 0.0, 0.0, 0.0
-    healthy = len(of_all) - 1
+    of_all[:, :], changed[:, :], moments[:, :], together[:, :] = 0.0, 0.0, 0.0, 0.0
+    healthy = of_all.shape[1] - 1
     arrived = 0.0
     n_quantities = len(moments)
     oldest = np.full(n_quantities, records)
@@ -36,7 +58,7 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
         if meaning.quantities[k] >= 0:
             first_kind[meaning.quantities[k]] = k
     for f in range(n):
-        w, k, amplitude = weights[f], kind[f], mean[f, AMPLITUDE]
+        w, k, amplitude = weights[WHOLE, f], kind[f], mean[f, AMPLITUDE]
         floor = meaning.floors[k] if shape[f] != ARRIVAL else meaning.floors[len(meaning.floors) - 1]
         place = meaning.states[k] if abs(amplitude) >= floor and k >= 0 else healthy
         change = mean[f, SETTING] - filters.setting_at_onset[f]
@@ -51,13 +73,12 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
                 together[first, second] += w
             place = first
             _add(moments[meaning.setting_quantity], w, change, covariance[f, SETTING, SETTING])
-        of_all[place] += w
-        if shape[f] == ARRIVAL:
-            changed[healthy] += w
-            if place != healthy:
-                arrived += w
-        else:
-            changed[place] += w
+        since_first = healthy if shape[f] == ARRIVAL else place
+        for way in range(N_WAYS):
+            of_all[way, place] += weights[way, f]
+            changed[way, since_first] += weights[way, f]
+        if since_first != place:
+            arrived += w
         if k < 0 or meaning.quantities[k] < 0:
             continue
         q = meaning.quantities[k]
@@ -71,21 +92,30 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
 
 @compiled
 def _weigh(filters: Filters, n: int, signs: Integers, weights: Array) -> None:
-    """Posterior shares of the first n filters; one-sided faults by the sign that they came out with."""
-    kind, log_evidence = filters.kind, filters.log_evidence
-    most = -1.0e300
+    """Posterior shares of the first n filters, each way; one-sided faults by the sign that they came out with."""
+    log_evidence = filters.log_evidence
     for f in range(n):
-        weights[f] = log_evidence[f]
-        if kind[f] >= 0 and signs[kind[f]] == 1:
-            spread = math.sqrt(max(filters.covariance[f, AMPLITUDE, AMPLITUDE], 1.0e-300))
-            weights[f] += log_normal_above(filters.mean[f, AMPLITUDE] / spread) + math.log(2.0)
-        most = max(most, weights[f])
-    total = 0.0
-    for f in range(n):
-        weights[f] = math.exp(weights[f] - most)
-        total += weights[f]
-    for f in range(n):
-        weights[f] /= total
+        by_data, sign = log_evidence[f] - log_evidence[0] - filters.prior[f, STATED], _sign_evidence(filters, f, signs)
+        weights[WHOLE, f] = filters.prior[f, STATED] + by_data + sign
+        weights[AS_STATED, f] = filters.prior[f, STATED] + TEMPER * by_data + sign
+        weights[AS_ALIKE, f] = filters.prior[f, ALIKE] + TEMPER * by_data + sign
+    for way in range(N_WAYS):
+        most, total = weights[way, :n].max(), 0.0
+        for f in range(n):
+            weights[way, f] = math.exp(weights[way, f] - most)
+            total += weights[way, f]
+        for f in range(n):
+            weights[way, f] /= total
+
+
+@compiled
+def _sign_evidence(filters: Filters, f: int, signs: Integers) -> float:
+    """Logarithm of twice the probability that a one-sided fault has its sign; 0 for the others."""
+    k = filters.kind[f]
+    if k < 0 or signs[k] != 1:
+        return 0.0
+    spread = math.sqrt(max(filters.covariance[f, AMPLITUDE, AMPLITUDE], 1.0e-300))
+    return log_normal_above(filters.mean[f, AMPLITUDE] / spread) + math.log(2.0)
 
 
 @compiled
@@ -97,45 +127,56 @@ def _add(moments: Array, weight: float, mean: float, variance: float) -> None:
 
 
 @compiled
-def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: Integers) -> int:
+def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: Integers, breadth: float) -> int:
     """A step and a ramp of each kind setting in now, in place; the least likely old onset gives way. New count.
 
     The last kind begins where the likeliest fault stands, without it: the fault is gone.
 
-    ``most_onsets`` holds how many of a shape and kind are kept, shape (2, n_kinds).
+    ``breadth`` is how many times its kind's scale the size of a fault may be.
+    ``most_onsets`` holds how many of a shape and kind are kept, shape (N_SHAPES, n_kinds).
     """
     mean, covariance, kind, log_evidence = filters.mean, filters.covariance, filters.kind, filters.log_evidence
-    scales = kinds.scales
+    scales = breadth * kinds.scales
     n_kinds = len(scales) - 1
-    likeliest, gone = 0, n_kinds - 1
+    likeliest, gone, most = 0, n_kinds - 1, log_evidence[0]
     for f in range(n):
-        if kind[f] != gone and log_evidence[f] > log_evidence[likeliest]:
-            likeliest = f
-    undone, undone_spread, undone_evidence = (
+        own = log_evidence[f] + _sign_evidence(filters, f, kinds.signs)
+        if kind[f] != gone and own > most:
+            likeliest, most = f, own
+    undone, undone_spread, undone_prior = (
         mean[likeliest].copy(),
         covariance[likeliest].copy(),
-        log_evidence[likeliest],
+        filters.prior[likeliest].copy(),
     )
     for k in range(n_kinds):
         if k == gone and likeliest == 0:
             continue
-        for form in (STEP, RAMP):
+        for form in (STEP, RAMP, ON_OFF, OPEN):
             if most_onsets[form, k] == 0:
                 continue
             place = _place_of(filters, n, k, form, most_onsets[form, k])
             n = max(n, place + 1)
             mean[place], covariance[place] = mean[0], covariance[0]
-            if form == STEP:
+            if form != RAMP:
                 covariance[place, AMPLITUDE, AMPLITUDE] = scales[k] ** 2
             else:
                 covariance[place, RATE, RATE] = (scales[k] / kinds.ramp_records) ** 2
+            mean[place, LAW], covariance[place, LAW, LAW] = kinds.laws[k, 0], kinds.laws[k, 1] ** 2
             kind[place], filters.shape[place], filters.onset[place] = k, form, records
+            from_where = likeliest if k == gone else 0
+            filters.unexplained[place], filters.shown[place] = filters.unexplained[from_where], 0
+            filters.misfit[place], filters.scale[place] = 0.0, scales[k]
             filters.setting_at_onset[place] = mean[0, SETTING]
             if k == gone:
                 mean[place], covariance[place] = undone, undone_spread
-                for i in (AMPLITUDE, RATE):
+                for i in (AMPLITUDE, RATE, LAW):
                     mean[place, i], covariance[place, i, :], covariance[place, :, i] = 0.0, 0.0, 0.0
-            log_evidence[place] = (undone_evidence if k == gone else log_evidence[0]) + kinds.log_priors[form, k]
+            start = most if k == gone else log_evidence[0]
+            log_evidence[place] = start + kinds.log_priors[STATED, form, k]
+            for which in (STATED, ALIKE):
+                filters.prior[place, which] = kinds.log_priors[which, form, k]
+                if k == gone:
+                    filters.prior[place, which] += undone_prior[which]
     return n
 
 

@@ -14,16 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from detectors.bank.bank import ARRIVAL_KINDS, SPAWN_EVERY
-from detectors.bank.hypotheses import FAULT_KINDS, log_hazards
+from detectors.bank.hypotheses import FAULT_KINDS, log_priors
 from detectors.bank.regulation import LOG_HAZARD as REGULATION_LOG_HAZARD
+from detectors.bank.shapes import STATED
 from detectors.evaluation.rows import Row
 from detectors.evaluation.truth import judges_kinds
 from detectors.words.verdict import FAULTS, State
 
 WATCHED_RECORDS = 200
 """Records that a pump of the study is watched for, to a few."""
-ARRIVAL_PRIOR = 0.04
-"""Prior odds of having come worn by each of its laws against health, as the bank starts with."""
+ARRIVAL_PRIOR = 0.1
+"""Prior odds of having come worn against health, as the bank starts with."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def _group(kind: str) -> _Group:
 def _hazards() -> dict[_Group, float]:
     """Prior probability that a fault of a group sets in, at once or growing, within one spacing of onset candidates."""
     found = {_REGULATION: math.exp(REGULATION_LOG_HAZARD)}
-    for kind, probability in zip(FAULT_KINDS, np.exp(log_hazards()).sum(axis=0).tolist(), strict=True):
+    for kind, probability in zip(FAULT_KINDS, np.exp(log_priors(-np.inf)[STATED]).sum(axis=0).tolist(), strict=True):
         if kind.state in FAULTS:
             found[_group(kind.name)] = found.get(_group(kind.name), 0.0) + probability
     return found

@@ -191,7 +191,7 @@ SMALL_STEP = "small step: "
 SMALL_STEP_KINDS = {
     "leakage, slippers": (State.PUMP_DEGRADATION, "L/min"),
     "setting": (State.COMPENSATOR_FAULT, "bar"),
-    "system leakage, orifice": (State.SYSTEM_LEAKAGE, "L/min"),
+    "system leakage": (State.SYSTEM_LEAKAGE, "L/min"),
     "drain restriction": (State.DRAIN_RESTRICTION, "-"),
 }
 _SMALL_STEPS = tuple(

@@ -24,7 +24,7 @@ _KIND_OF: Mapping[str, str] = {
     "three slippers": "uneven wear",
     "three pistons": "uneven wear",
     "one slipper": "uneven wear",
-    "system": "system leakage, orifice",
+    "system": "system leakage",
     "drain": "drain restriction",
     "setting": "setting",
     "bleed": "bleed",
@@ -66,7 +66,5 @@ def is_worth_a_word(row: Row, courses: tuple[Course, ...], n_pumps: int, sensor_
         stepped = np.arange(row.n_flights) >= sensing.step_at
         return np.tile(stepped & (abs(sensing.case_zero_step) >= sensor_floor_bar), (n_pumps, 1))
     size = np.abs(since_installation(courses[0].size, row.moved_at))
-    if courses[0].kind == "drain":
-        size = np.log1p(size)  # the judge counts restrictions in logarithms
     floor = _FLOORS[_KIND_OF[courses[0].kind]] if courses[0].kind in _KIND_OF else 0.0
     return np.asarray((size > 0.0) & (size >= floor))

@@ -1,6 +1,6 @@
 """What differs between pumps, aircraft and sensors: the components of the state, by number and by name.
 
-A filter's state holds them in their order, with a fault's amplitude and rate before those that only lines of a burst or
+A filter's state holds them in their order, with a fault's amplitude, rate and law before those that only lines of a burst or
 windows under load show: histories without them leave the tail of the state alone. What only a fault moves is no part of
 the state.
 """
@@ -32,6 +32,10 @@ COMPONENTS: tuple[str, ...] = (
     "load_discharge_square",  # [bar at LOAD_LPM]
     "slipper_extra",  # leakage that came on top, with the slippers' temperature law [L/min at the reference]
     "laminar_extra",  # with the law of a laminar gap [L/min at the reference]
+    "drain_extra",  # resistance that came on top of the drain's own, with its law, as a share of it [-]
+    "drain_viscous",  # the same with the law of a clogged filter
+    "drain_orifice",  # with the law of a narrowed fitting
+    "case_span",  # share of its span that the case sensor has gained [-]
 )
 N_COMPONENTS = len(COMPONENTS)
 (
@@ -61,16 +65,21 @@ N_COMPONENTS = len(COMPONENTS)
     LOAD_DISCHARGE_SQUARE,
     SLIPPER_EXTRA,
     LAMINAR_EXTRA,
+    DRAIN_EXTRA,
+    DRAIN_VISCOUS,
+    DRAIN_ORIFICE,
+    CASE_SPAN,
 ) = range(N_COMPONENTS)
 INDEX = {name: i for i, name in enumerate(COMPONENTS)}
 
-AMPLITUDE, RATE = LN_RIPPLE, LN_RIPPLE + 1
-"""Places of a fault's amplitude and of its change per record in a filter's state."""
+AMPLITUDE, RATE, LAW = range(LN_RIPPLE, LN_RIPPLE + 3)
+"""Places of a fault's amplitude, of its change per record, and of how its law lies between the two that it may have."""
+_OF_FAULT = LAW + 1 - AMPLITUDE
 N_LIVING = SLIPPER_EXTRA
 """Components that live in a filter's state; those after them are moved by faults alone."""
-N_SLOW, N_LINES, N_STATE = LN_RIPPLE + 2, LOAD_CASE + 2, N_LIVING + 2
+N_SLOW, N_LINES, N_STATE = (k + _OF_FAULT for k in (LN_RIPPLE, LOAD_CASE, N_LIVING))
 """Size of the part of a state that means at zero flow can show, of what lines show with it, and of the whole."""
 LOAD_LPM = 20.0
 """Flow of the load at which its components are counted [L/min]."""
-PLACE = {name: i if i < LN_RIPPLE else i + 2 for name, i in INDEX.items()}
+PLACE = {name: i if i < LN_RIPPLE else i + _OF_FAULT for name, i in INDEX.items()}
 """Places of the components in a filter's state; beyond N_STATE for those that only faults move."""

@@ -34,7 +34,7 @@ _COUNTED = ZERO_FLOW_BAR
 _SLIPPER_VISCOSITY = 0.5
 """Exponent of slipper leakage in viscosity: between its land (1) and its throttle (0)."""
 _LEAST_WEIGHT = 0.1
-_UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE)
+_UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE, c.CASE_SPAN)
 """Components that move neither pressure."""
 
 
@@ -121,8 +121,12 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     w_nu, nu_by = _weight(anchor[_W_NU] + full[c.DRAIN_VISCOSITY])
     w_Q, Q_by = _weight(anchor[_W_Q] + full[c.DRAIN_FLOW])
     nu = anchor[_NU] * np.exp(full[c.LN_VISCOSITY])
-    drop_c = drain_pressure_drop(Q_c, k_c, w_nu, w_Q, nu, anchor[_Q_REF])
-    R_c = k_c * (w_nu * nu + 2.0 * w_Q * abs(Q_c) / anchor[_Q_REF] + 1.0 - w_nu - w_Q)
+    # what clogs the drain adds a resistance with the drain's own law, a filter's (viscous) or a narrowed fitting's
+    flow_ratio, whole = abs(Q_c) / anchor[_Q_REF], 1.0 + full[c.DRAIN_EXTRA]
+    viscous, orifice = k_c * full[c.DRAIN_VISCOUS] * nu, k_c * full[c.DRAIN_ORIFICE] * flow_ratio
+    own = drain_pressure_drop(Q_c, k_c, w_nu, w_Q, nu, anchor[_Q_REF])
+    drop_c = whole * own + (viscous + orifice) * Q_c
+    R_c = whole * k_c * (w_nu * nu + 2.0 * w_Q * flow_ratio + 1.0 - w_nu - w_Q) + viscous + 2.0 * orifice
     P_c = anchor[_P_R] + full[c.RESERVOIR] + drop_i + drop_c + anchor[_WARMTH] * full[c.CASE_WARMTH]
     load = anchor[_Q_L] / c.LOAD_LPM
     P_c += load * (full[c.LOAD_CASE] + load * full[c.LOAD_CASE_SQUARE] + anchor[_WARMTH] * full[c.LOAD_WARMTH])
@@ -150,8 +154,11 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     _slope(slopes, c.SOFTENING, by, 0.0, anchor[_WARMTH], 0.0, 0.0, 0.0)
     _slope(slopes, c.LN_DROOP, by, 0.0, droop, 0.0, 0.0, 0.0)
     _slope(slopes, c.LN_DRAIN, by, 0.0, 0.0, 0.0, 0.0, drop_c)
-    _slope(slopes, c.DRAIN_VISCOSITY, by, 0.0, 0.0, 0.0, 0.0, k_c * Q_c * (nu - 1.0) * nu_by)
-    _slope(slopes, c.DRAIN_FLOW, by, 0.0, 0.0, 0.0, 0.0, k_c * Q_c * (abs(Q_c) / anchor[_Q_REF] - 1.0) * Q_by)
+    _slope(slopes, c.DRAIN_EXTRA, by, 0.0, 0.0, 0.0, 0.0, own)
+    _slope(slopes, c.DRAIN_VISCOUS, by, 0.0, 0.0, 0.0, 0.0, k_c * nu * Q_c)
+    _slope(slopes, c.DRAIN_ORIFICE, by, 0.0, 0.0, 0.0, 0.0, k_c * flow_ratio * Q_c)
+    _slope(slopes, c.DRAIN_VISCOSITY, by, 0.0, 0.0, 0.0, 0.0, whole * k_c * Q_c * (nu - 1.0) * nu_by)
+    _slope(slopes, c.DRAIN_FLOW, by, 0.0, 0.0, 0.0, 0.0, whole * k_c * Q_c * (flow_ratio - 1.0) * Q_by)
     _slope(slopes, c.CASE_WARMTH, by, 0.0, 0.0, 0.0, 0.0, anchor[_WARMTH])
     _slope(slopes, c.RESERVOIR, by, 0.0, 0.0, 0.0, 0.0, 1.0)
     thinner_s, thinner_l = -_SLIPPER_VISCOSITY * own_s, -own_l
@@ -163,7 +170,7 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
         b_s * thinner_s + b_l * thinner_l - b_sys * leak_l,
         c_s * thinner_s + c_l * thinner_l - c_sys * leak_l,
         -leak_l * share,
-        k_c * Q_c * w_nu * nu,
+        whole * k_c * Q_c * w_nu * nu + viscous * Q_c,
     )
     _slope(slopes, c.LOAD_CASE, by, 0.0, 0.0, 0.0, 0.0, load)
     _slope(slopes, c.LOAD_CASE_SQUARE, by, 0.0, 0.0, 0.0, 0.0, load * load)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.special import ndtri
 
-from detectors.bank.hypotheses import FAULT_KINDS, FaultKind, directions
+from detectors.bank.hypotheses import FaultKind, pure_kinds, rows_of
 from detectors.isolability.model import LARGEST_LEAKAGE_LPM, Model, model_of
 from detectors.isolability.plan import Plan, PlanFaultsError, plan_faults
 from detectors.words.verdict import SIDE_OF, Side, State
@@ -39,7 +39,7 @@ _UNITS = {
     "setting": "bar",
     "case_offset": "bar",
     "reservoir": "bar",
-    "ln_drain": "%",
+    "drain_extra": "%",
 }
 
 
@@ -114,13 +114,9 @@ def isolability(plan: Plan, pump: PumpType, circuit: Circuit) -> Isolability:
     if faults:
         raise PlanFaultsError(faults)
     model = model_of(plan, pump, circuit)
-    kinds = [i for i, k in enumerate(FAULT_KINDS) if k.component != "reservoir" or plan.sensors.reservoir is not None]
-    products = inner_products(model, directions()[kinds], plan.baseline_flights)
-    found = [
-        _bound(plan, i, [FAULT_KINDS[k] for k in kinds], products)
-        for i, k in enumerate(kinds)
-        if FAULT_KINDS[k].state is not State.HEALTHY
-    ]
+    kinds = [k for k in pure_kinds() if k.moves and (k.component != "reservoir" or plan.sensors.reservoir is not None)]
+    products = inner_products(model, rows_of([k.moves for k in kinds]), plan.baseline_flights)
+    found = [_bound(plan, i, kinds, products) for i, kind in enumerate(kinds) if kind.state is not State.HEALTHY]
     return Isolability(plan, tuple(found), model.case_pressure_range_bar, _remarks(plan, model))
 
 
@@ -211,4 +207,4 @@ def _sizes(needed: float, left: Array, own: Array, largest: float) -> Array:
 
 
 def _in_unit(kind: FaultKind, size: float) -> float:
-    return 100.0 * math.expm1(size) if kind.component == "ln_drain" else size
+    return 100.0 * size if kind.component == "drain_extra" else size

@@ -7,7 +7,7 @@ pump degradation be told from that of the circuit by this one sensor (Q2)?
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from detectors.bank.hypotheses import FAULT_KINDS
+from detectors.bank.hypotheses import pure_kinds
 from detectors.isolability.bounds import Isolability, isolability
 from detectors.isolability.plan import Plan, sensors_of
 from detectors.words.verdict import Side, State
@@ -94,7 +94,7 @@ def sensor_table(
 def _row(found: Isolability) -> Row:
     sensors = found.plan.sensors
     slippers, uneven = found.fault(EXAMPLE), found.fault("uneven wear")
-    leaks = [k.name for k in FAULT_KINDS if k.state is State.PUMP_DEGRADATION]
+    leaks = [k.name for k in pure_kinds() if k.state is State.PUMP_DEGRADATION]
     return Row(
         full_scale_bar=sensors.case.full_scale_bar,
         accuracy_fs=sensors.case.accuracy_fs,

@@ -7,35 +7,45 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.bank.bank import SPAWN_EVERY, Bank, Measurement
+from detectors.bank.bank import FIRST_ONSETS, HEALTHY, SPAWN_EVERY, Bank, Measurement
 from detectors.bank.hypotheses import FAULT_KINDS
+from detectors.bank.kernel import CASE
 from detectors.bank.measurement import Measured, measured_windows
 from detectors.expectation.anchor import anchors, reference_condition
 from detectors.expectation.type_correction import HealthyCurve
-from detectors.judgement import wording
+from detectors.judgement.coverage import Coverage
 from detectors.judgement.estimates import estimates
-from detectors.judgement.isolation import Alarm, Decision, Evidence, decided, evidence, secondary
-from detectors.judgement.plausibility import IMPLAUSIBLE_FLIGHTS, Doubt, doubt
+from detectors.judgement.events import MOVED, due, freed_by
+from detectors.judgement.isolation import (
+    Alarm,
+    Decision,
+    Evidence,
+    coming_and_going,
+    decided,
+    evidence,
+    explained_by,
+    fitting,
+    leading_sensor,
+    suspect,
+)
+from detectors.judgement.memory import Memory
+from detectors.judgement.plausibility import (
+    IMPLAUSIBLE_FLIGHTS,
+    SATURATED_BAR,
+    Doubt,
+    Reference,
+    case_pressure,
+    doubt,
+    is_saturated,
+)
+from detectors.judgement.verdicts import Context, implausible, verdict_of
 from detectors.words.flights import Roles, outline_of, roles_of
 from detectors.words.numbers import Z_90
-from detectors.words.observation import History, Maintenance, Observation, Residual
-from detectors.words.verdict import CAUSES, SIDE_OF, UNINFORMED, Assessment, Estimate, Quality, Side, State, Verdict
+from detectors.words.observation import History, Observation, Residual
+from detectors.words.verdict import Assessment, CasePressure, Estimate, Fit, Quality, State, Verdict
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
-
-MAINTENANCE_RESETS: Mapping[str, tuple[str, ...]] = {
-    "fluid_changed": ("ln_viscosity",),
-    "filter_changed": ("ln_drain", "drain_flow"),
-    "setting_adjusted": ("setting",),
-    "sensor_replaced": ("case_offset",),
-}
-"""Components of the state that each action makes unknown again."""
-
-
-_RESIDUE = 0.05
-"""Probability of all that the record's implausibility does not point to (our estimate: one such run in twenty has another
-cause)."""
 
 
 def assess(
@@ -103,6 +113,10 @@ class Fold:
     touched: bool = False
     doubts: int = 0
     doubtful: Doubt | None = None
+    coverage: Coverage = field(default_factory=Coverage)
+    memory: Memory = field(default_factory=Memory)
+    case_pressure: CasePressure | None = None
+    misfit_since: datetime | None = None
     latest: Latest | None = None
 
     def __post_init__(self) -> None:
@@ -139,43 +153,67 @@ class Fold:
             self.latest = Latest(observation.at, observation.aircraft, observation.position)
             self.rejected += sum(not w.accepted for w in observation.reduction.windows)
             found = measured.get(observation.record_id)
-            trend: dict[str, Estimate] = {}
-            doubted = doubt(observation, found.residuals if found is not None else {}, self.pump)
-            if doubted is not None:
-                again = self.doubtful is not None and self.doubtful.channel == doubted.channel
-                self.doubts, self.doubtful = self.doubts + 1 if again else 1, doubted
-                trend = {} if found is None else _measured_trend(observation, found.residuals)
-            elif found is not None:
-                self.doubts, self.doubtful = 0, None
-                self.learn(observation, found)
-                trend = _measured_trend(observation, found.residuals)
-            elif observation.record_id in supplements and self.bank.learnt and not self.touched:
-                # behind a reset its lines belong to what its flight's window did not see
-                self.supplement(supplements[observation.record_id])
+            trend = self._taken(observation, found, supplements)
             verdict = self.conclude(observation)
             if trend:
                 known = {*verdict.minimum_detectable, "case_flow_at_reference_lpm"}
                 trend |= {name: value for name, value in verdict.estimates.items() if name in known}
             yield Assessment(observation.record_id, observation.at, trend, verdict)
 
+    def _taken(
+        self, observation: Observation, found: Measured | None, supplements: Mapping[str, Measurement]
+    ) -> dict[str, Estimate]:
+        """Take one record at its word, or doubt it; what it measured, as points of the trend."""
+        reference = self._reference(found)
+        doubted = doubt(observation, found.residuals if found is not None else {}, self.pump, reference)
+        if doubted is not None:
+            again = self.doubtful is not None and self.doubtful.channel == doubted.channel
+            self.doubts, self.doubtful = self.doubts + 1 if again else 1, doubted
+        elif found is not None:
+            self.doubts, self.doubtful = 0, None
+            if is_saturated(observation, self.pump):
+                found = _lower_bound(found)
+            self.learn(observation, found)
+        elif observation.record_id in supplements and self.bank.learnt and not self.touched:
+            # behind a reset its lines belong to what its flight's window did not see
+            self.supplement(supplements[observation.record_id])
+        if found is None:
+            return {}
+        if reference is not None and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
+            measured, limit = found.measurements[-1].values[CASE], self.thresholds["case_pressure_limit_bar"]
+            self.case_pressure = case_pressure(float(measured), reference, limit, has_baseline=self._missing() <= 0)
+        return _measured_trend(observation, found.residuals)
+
+    def _reference(self, found: Measured | None) -> Reference | None:
+        """What the healthy pump is expected to show in the window that the flight is judged by."""
+        if found is None:
+            return None
+        healthy, leading = self.bank.expected(found.measurements[-1])
+        return Reference(*healthy, leading[1])
+
+    def _missing(self) -> int:
+        """Records that a baseline still needs; none or less when it stands."""
+        return int(self.thresholds["baseline_records"]) - self.since_installed
+
     def pass_over(self, previous: Latest, observation: Observation, history: History) -> None:
-        """What happened between two records: an installation starts anew, maintenance resets what it touches."""
+        """What happened between two records: a move frees what stays behind, an entry what it names."""
         moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
         if moved or any(previous.at < t <= observation.at for t in history.installed_at):
-            self.bank, self.alarm, self.since_installed = Bank(self.pump), Alarm(), 0
-            return
-        for event in _due(history.maintenance, previous.at, observation.at):
-            self.bank.reset(MAINTENANCE_RESETS.get(event.action, ()))
+            self.bank.reset(MOVED)
+            self.touched = True
+        for event in due(history.maintenance, previous.at, observation.at):
+            self.memory = self.memory.done(event.action, event.at)
+            self.bank.reset(freed_by(event))
             self.touched = True
 
     def learn(self, observation: Observation, found: Measured) -> None:
         """Take one record's windows into the bank."""
         self.bank.learn(found.measurements)
         self.touched = False
+        self.coverage = self.coverage.grown(observation, found)
         self.used += 1
         self.since_installed += 1
-        after = self.since_installed - int(self.thresholds["baseline_records"])
-        if after >= 0 and after % SPAWN_EVERY == 0:
+        if self.since_installed in FIRST_ONSETS or self.since_installed % SPAWN_EVERY == 0:
             self.bank.spawn()
         self.without_zero += not observation.reduction.zero.measured
         self.without_reservoir += not found.measurements[-1].reservoir_measured
@@ -194,24 +232,61 @@ class Fold:
         quality = self._quality()
         unchanged = previous is not None and previous.quality.records_used == self.used and not self.supplemented
         self.supplemented = False
-        if self.doubtful is not None and self.doubts >= IMPLAUSIBLE_FLIGHTS and previous is not None:
-            self.verdict = _implausible(self.doubtful, self.doubts, previous, quality, observation.at)
-            return self.verdict
-        if previous is not None and unchanged and self.since_installed > 0:
-            self.verdict = replace(previous, quality=quality)
-            return self.verdict
+        if previous is None or not unchanged:
+            self.verdict = self._judged(observation, previous, quality)
+        else:
+            self.verdict = replace(previous, quality=quality, case_pressure=self.case_pressure)
+        if self.doubtful is not None and self.doubts >= IMPLAUSIBLE_FLIGHTS:
+            self.verdict = implausible(self.doubtful, self.doubts, self.verdict, observation.at)
+        return self.verdict
+
+    def _judged(self, observation: Observation, previous: Verdict | None, quality: Quality) -> Verdict:
+        """The verdict by the evidence."""
         found = evidence(self.bank, self.thresholds)
-        values, smallest = estimates(self.bank, found, self.reference)
         limit = self.thresholds["case_flow_limit_lpm"]
-        missing = int(self.thresholds["baseline_records"]) - self.since_installed
-        decision = Decision(State.INSUFFICIENT_DATA)
+        sizes = estimates(self.bank, found, self.reference, limit)
+        fit = self._fit(found, observation)
+        missing, decision = self._missing(), Decision(State.INSUFFICIENT_DATA)
         if missing <= 0:
             self.alarm, decision = decided(self.alarm, found, self.thresholds)
+            decision = fitting(decision, fit, found)
+            self._remember(decision, found, observation)
         since = observation.at
         if previous is not None and previous.state is decision.state and previous.since is not None:
             since = previous.since
-        self.verdict = _verdict(decision, found, self.bank, values, smallest, quality, since, limit, max(missing, 0))
-        return self.verdict
+        suspects_a_sensor = State.SENSOR_FAULT in (decision.state, *decision.candidates)
+        shown = coming_and_going(self.bank, found, decision.state, self.memory.since)
+        return verdict_of(
+            decision,
+            found,
+            sizes,
+            Context(
+                quality=quality,
+                since=since,
+                limit_lpm=limit,
+                missing=max(missing, 0),
+                coverage=self.coverage,
+                fit=fit,
+                intermittent=shown or self.memory.came_and_went,
+                resolved_by=self.memory.resolved,
+                case_pressure=self.case_pressure,
+                sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
+            ),
+        )
+
+    def _fit(self, found: Evidence, observation: Observation) -> Fit:
+        """How far the leading cause explains the last records."""
+        records, explained, last = explained_by(self.bank, found)
+        self.misfit_since = None if last else self.misfit_since or observation.at
+        return Fit(records, explained, self.misfit_since)
+
+    def _remember(self, decision: Decision, found: Evidence, observation: Observation) -> None:
+        """Keep in mind what leads the alarm, and what ended."""
+        if self.bank.ended != HEALTHY:
+            self.memory = self.memory.ended(FAULT_KINDS[self.bank.ended].state)
+            self.bank.ended = HEALTHY
+        if self.used:
+            self.memory = self.memory.after(suspect(decision, found), observation.at)
 
     def _quality(self) -> Quality:
         used, flags = self.used, []
@@ -238,10 +313,6 @@ class Fold:
         return Quality(used, self.rejected, reservoir, tuple(flags))
 
 
-def _due(maintenance: tuple[Maintenance, ...], after: datetime, until: datetime) -> list[Maintenance]:
-    return sorted((m for m in maintenance if after < m.at <= until), key=lambda m: (m.at, m.action))
-
-
 def _measured_trend(observation: Observation, residuals: Mapping[str, Residual]) -> dict[str, Estimate]:
     trend = {}
     for name, residual in residuals.items():
@@ -257,76 +328,11 @@ def _measured_trend(observation: Observation, residuals: Mapping[str, Residual])
     return trend
 
 
-def _verdict(
-    decision: Decision,
-    found: Evidence,
-    bank: Bank,
-    values: Mapping[str, Estimate],
-    smallest: Mapping[str, float],
-    quality: Quality,
-    since: datetime,
-    limit: float,
-    missing: int,
-) -> Verdict:
-    state = decision.state
-    probabilities = UNINFORMED if state is State.INSUFFICIENT_DATA else found.probabilities
-    sensor = _sensor(bank, found) if state is State.SENSOR_FAULT else None
-    return Verdict(
-        state=state,
-        side=_side(decision),
-        since=since,
-        confidence=max(probabilities.values()),
-        probabilities=probabilities,
-        candidates=decision.candidates,
-        secondary=secondary(found, state),
-        sensor=sensor,
-        estimates=values,
-        minimum_detectable=smallest,
-        quality=quality,
-        advice=wording.advice(state, decision.candidates, values, limit, missing, sensor),
-        resolving_measurement=wording.resolving_measurement(decision.candidates),
-    )
-
-
-def _implausible(found: Doubt, records: int, previous: Verdict, quality: Quality, at: datetime) -> Verdict:
-    """The verdict where the last records cannot be true: what was known of pump and circuit before stays an estimate."""
-    decision = (
-        Decision(State.SENSOR_FAULT) if len(found.states) == 1 else Decision(State.INDETERMINATE, tuple(found.states))
-    )
-    probabilities = _spread(found.states)
-    return replace(
-        previous,
-        state=decision.state,
-        side=_side(decision),
-        since=previous.since if previous.state is decision.state else at,
-        confidence=max(probabilities.values()),
-        probabilities=probabilities,
-        candidates=decision.candidates,
-        secondary=None,
-        sensor=found.channel if decision.state is State.SENSOR_FAULT else None,
-        quality=quality,
-        advice=wording.implausible(found.channel, found.why, records),
-        resolving_measurement=wording.gauge(found.channel),
-    )
-
-
-def _spread(states: tuple[State, ...]) -> dict[State, float]:
-    """Probabilities where only a few states are left: equal among them, a residue for the others."""
-    others = [s for s in CAUSES if s not in states]
-    return {s: _RESIDUE / len(others) for s in others} | {s: (1.0 - _RESIDUE) / len(states) for s in states}
-
-
-def _side(decision: Decision) -> Side:
-    """Side of a state; for ``indeterminate`` the one its candidates share."""
-    sides = {SIDE_OF[c] for c in decision.candidates}
-    return sides.pop() if len(sides) == 1 else SIDE_OF[decision.state]
-
-
-def _sensor(bank: Bank, found: Evidence) -> str | None:
-    """Channel of the sensor fault with the greatest share."""
-    share: dict[str, float] = {}
-    for kind, weight in zip(bank.filters.kind[: bank.n], found.weights, strict=True):
-        sensor = FAULT_KINDS[kind].sensor if kind >= 0 else None
-        if sensor is not None:
-            share[sensor] = share.get(sensor, 0.0) + float(weight)
-    return max(share, key=lambda name: share[name]) if share else None
+def _lower_bound(found: Measured) -> Measured:
+    """What a sensor at its full scale shows: at least that, give or take what a blocked drain may add."""
+    *rest, last = found.measurements
+    values, noise = last.values.copy(), last.noise.copy()
+    above, sd = SATURATED_BAR
+    values[CASE] += above
+    noise[CASE, CASE] += sd**2
+    return replace(found, measurements=(*rest, replace(last, values=values, noise=noise)))

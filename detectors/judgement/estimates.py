@@ -1,6 +1,7 @@
 """Fault magnitudes in an operator's units, averaged over the hypotheses by their evidence."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +24,22 @@ _SCALES = {
     quantity: next(k.scale for k in FAULT_KINDS if k.component in names) for quantity, names in QUANTITIES.items()
 }
 _DRAIN = "drain_resistance_change_percent"
-_N_LIKELY = 3
-"""Filters that the case flow is averaged over (estimate: the rest hardly moves the mean, and each costs an evaluation of the twin)."""
+_LEAST_SHARE = 0.01
+"""Share from which a filter counts for the case flow (estimate: the rest hardly moves it, and each costs the twin once)."""
 
 
-def estimates(bank: Bank, found: Evidence, reference: Array) -> tuple[dict[str, Estimate], dict[str, float]]:
-    """Changes since the baseline with 90 % intervals, and the smallest change that would be found.
+class Found(NamedTuple):
+    """Changes since the baseline with 90 % intervals, the smallest that would be found, and how likely the case flow at the
+    reference condition lies beyond its limit.
+    """
+
+    values: dict[str, Estimate]
+    smallest: dict[str, float]
+    beyond: float
+
+
+def estimates(bank: Bank, found: Evidence, reference: Array, limit_lpm: float) -> Found:
+    """What the bank says of sizes.
 
     Before the baseline is set a change is as unknown as its prior, and nothing has a smallest size yet.
 
@@ -36,8 +47,8 @@ def estimates(bank: Bank, found: Evidence, reference: Array) -> tuple[dict[str, 
     ----------
     bank, found
         Filters after the last record, and their evidence.
-    reference
-        Anchor of the pump type's reference condition.
+    reference, limit_lpm
+        Anchor of the pump type's reference condition, and the limit of the case flow there.
     """
     values, smallest = {}, {}
     for quantity, (share, first, second, resolution) in zip(QUANTITIES, found.moments.tolist(), strict=True):
@@ -48,18 +59,16 @@ def estimates(bank: Bank, found: Evidence, reference: Array) -> tuple[dict[str, 
         values[quantity] = _interval(first, math.sqrt(max(whole - first**2, 0.0)))
     values[_DRAIN] = _in_percent(values[_DRAIN])
     if _DRAIN in smallest:
-        smallest[_DRAIN] = 100.0 * math.expm1(smallest[_DRAIN])
-    values["case_flow_at_reference_lpm"] = _case_flow(bank, found.weights, reference)
-    return values, smallest
+        smallest[_DRAIN] = 100.0 * smallest[_DRAIN]
+    mean, sd, beyond = mean_case_flow(
+        bank.filters, found.weights, DIRECTIONS, reference, _LEAST_SHARE, limit_lpm, WIDENING
+    )
+    values["case_flow_at_reference_lpm"] = _interval(mean, sd)
+    return Found(values, smallest, beyond)
 
 
-def _in_percent(logarithm: Estimate) -> Estimate:
-    return Estimate(*(100.0 * math.expm1(min(v, 5.0)) for v in (logarithm.mean, logarithm.low, logarithm.high)))
-
-
-def _case_flow(bank: Bank, weights: Array, reference: Array) -> Estimate:
-    """Case flow at the reference condition, from the likeliest filters; each filter's spread through its slopes."""
-    return _interval(*mean_case_flow(bank.filters, weights, DIRECTIONS, reference, _N_LIKELY))
+def _in_percent(share: Estimate) -> Estimate:
+    return Estimate(*(100.0 * value for value in (share.mean, share.low, share.high)))
 
 
 def _interval(mean: float, sd: float) -> Estimate:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from detectors.words.observation import Observation, Residual
 from detectors.words.states import State
+from detectors.words.verdict import CasePressure
 from twin.parameters import PumpType
 
 IMPLAUSIBLE_FLIGHTS = 3
@@ -20,6 +21,21 @@ _TOGGLING = 2
 _LEAST_SAMPLES = 30
 """Samples at speed below which nothing is said of how they vary (estimate: half a minute at 1 Hz)."""
 _MOSTLY = 0.5
+_FULL_SCALE_SHARE = 0.995
+"""Share of its full scale from which a mean stands at it."""
+_MOST_OFF_BAR = 25.0
+"""Regulated pressure off by more than this is doubted (estimate: the acceptance sheet allows 2 bar, a screw turned to its end
+some 10; at 150 bar the cockpit's lamp would be lit)."""
+_FOLLOWS = 0.5
+"""Share of a rise of the case pressure that the discharge pressure must show with it: the spool refers to the case, so it
+follows bar for bar."""
+_NEARLY = 0.8
+"""Share of its full scale that the likeliest cause must expect for a sensor that stands there to be believed."""
+SATURATED_BAR = (0.4, 0.4)
+"""How far above a sensor's full scale the pressure is when it stands there, and how far that may be off (estimate: a drain
+blocked tenfold reaches 5.4 bar of 5 at 80 degC)."""
+TWICE = 2.0
+"""Case over reservoir pressure against this pump's own reference from which an alarm is critical, whatever the cause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,20 +50,37 @@ class Doubt:
     states: tuple[State, ...] = (State.SENSOR_FAULT,)
 
 
-def doubt(observation: Observation, residuals: Mapping[str, Residual], pump: PumpType) -> Doubt | None:
-    """What makes a record implausible; None where nothing does.
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """What a pump's own healthy filter expects a window to show: both pressures as measured, and case over reservoir [bar].
+
+    ``leading_case_bar`` is the case pressure that the likeliest filter expects, with its fault.
+    """
+
+    discharge_bar: float
+    case_bar: float
+    over_reservoir_bar: float
+    leading_case_bar: float
+
+
+def doubt(
+    observation: Observation, residuals: Mapping[str, Residual], pump: PumpType, reference: Reference | None
+) -> Doubt | None:
+    """Why this record is no evidence for pump or circuit; None where it can be true.
 
     Parameters
     ----------
-    residuals
-        Those of the window that the flight is judged by; empty where it has none.
+    observation, residuals
+        The record, and its residuals where it has a zero-flow window.
+    pump
+        Its type, with what its sensors can show.
+    reference
+        What this pump is expected to show at the window's condition; None before it has a baseline.
     """
     behaviours = observation.reduction.behaviours
     case, discharge = behaviours.get(CASE), behaviours.get(DISCHARGE)
     if case is not None and case.at_full_scale > _MOSTLY:
-        full_scale = pump.sensors[CASE].full_scale_bar
-        why = f"stands at its full scale of {full_scale:g} bar: the pressure is at least that, or the sensor is wrong"
-        return Doubt(CASE, why, (State.DRAIN_RESTRICTION, State.SENSOR_FAULT))
+        return _at_full_scale(observation, pump, reference)
     # from standstill to 175 bar and back: two values are no measurement
     if (
         not residuals
@@ -59,7 +92,38 @@ def doubt(observation: Observation, residuals: Mapping[str, Residual], pump: Pum
         return Doubt(DISCHARGE, "does not move while the pump runs")
     if case is not None and case.samples >= _LEAST_SAMPLES and case.running <= _TOGGLING < case.at_rest:
         return Doubt(CASE, "does not move while the pump runs, and does at rest")
-    return _reads_its_reference(observation, residuals, pump)
+    return _reads_its_reference(observation, residuals, pump) or _far_off(residuals)
+
+
+def is_saturated(observation: Observation, pump: PumpType) -> bool:
+    """Whether the case sensor stands at its full scale in the window that the flight is judged by: a lower bound."""
+    window = observation.reduction.zero_flow
+    case = window.means.get(CASE) if window is not None else None
+    return case is not None and case.mean >= _FULL_SCALE_SHARE * pump.sensors[CASE].full_scale_bar
+
+
+def case_pressure(measured_bar: float, reference: Reference, limit_bar: float, *, has_baseline: bool) -> CasePressure:
+    """The plain rule: case over reservoir pressure at twice this pump's own reference, or beyond the limit.
+
+    ``measured_bar`` is the case pressure as measured, with the offset that ``reference`` expects in it.
+    """
+    over = reference.over_reservoir_bar + measured_bar - reference.case_bar
+    doubled = has_baseline and over >= TWICE * reference.over_reservoir_bar
+    return CasePressure(over, reference.over_reservoir_bar, limit_bar, doubled or over >= limit_bar)
+
+
+def _at_full_scale(observation: Observation, pump: PumpType, reference: Reference | None) -> Doubt | None:
+    """A true blockage saturates the sensor; then the discharge pressure has risen with the case."""
+    full_scale, window = pump.sensors[CASE].full_scale_bar, observation.reduction.zero_flow
+    why = f"stands at its full scale of {full_scale:g} bar"
+    if reference is None or window is None or not is_saturated(observation, pump):
+        why += ": the pressure is at least that, or the sensor is wrong"
+        return Doubt(CASE, why, (State.DRAIN_RESTRICTION, State.SENSOR_FAULT))
+    risen = window.means[DISCHARGE].mean - reference.discharge_bar
+    needed = _FOLLOWS * (full_scale - reference.case_bar)
+    if risen >= needed or reference.leading_case_bar >= _NEARLY * full_scale:
+        return None
+    return Doubt(CASE, f"{why}, and the discharge pressure has not risen with it ({risen:+.1f} bar)")
 
 
 def _reads_its_reference(observation: Observation, residuals: Mapping[str, Residual], pump: PumpType) -> Doubt | None:
@@ -74,3 +138,15 @@ def _reads_its_reference(observation: Observation, residuals: Mapping[str, Resid
     if measured < _LEAST_RISE_SHARE * nominal and nominal - measured > clear:
         return Doubt(CASE, f"reads {measured:+.2f} bar over the reservoir where a running pump makes {nominal:.2f} bar")
     return None
+
+
+def _far_off(residuals: Mapping[str, Residual]) -> Doubt | None:
+    """A regulated pressure that no screw reaches is first a question to its sensor."""
+    residual = residuals.get(DISCHARGE)
+    if residual is None or abs(residual.residual) <= _MOST_OFF_BAR:
+        return None
+    return Doubt(
+        DISCHARGE,
+        f"reads {residual.residual:+.0f} bar off the regulated pressure, further than a setting can be",
+        (State.COMPENSATOR_FAULT, State.SENSOR_FAULT),
+    )

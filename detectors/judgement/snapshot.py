@@ -15,6 +15,7 @@ import numpy as np
 
 # which records are still needed is the bank's own business; a second copy of these numbers could drift
 from detectors.bank.bank import _FITTED_ANEW_AT, Bank, Measurement
+from detectors.bank.lines import LineScatter
 from detectors.bank.shapes import Freed
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement import packing
@@ -30,7 +31,7 @@ _QUICK = 1
 """Compression level: most of the bytes are mantissas, which no level makes much smaller."""
 _GIVEN_AGAIN = ("pump", "circuit", "thresholds", "healthy", "reference", "bank")
 """Fields of the fold that are given again or follow from what is; the bank is packed apart."""
-_APART = ("pump", "learnt", "filters", "base", "regulation", "freed")
+_APART = ("pump", "learnt", "filters", "base", "regulation", "freed", "line_scatter")
 """Fields of the bank that are no plain numbers."""
 
 
@@ -49,7 +50,7 @@ def snapshot(fold: Fold) -> bytes:
         bank.learnt if bank.records - bank.base.records < max(_FITTED_ANEW_AT) and bank.refits else bank.learnt[-1:]
     )
     carried = tuple(getattr(fold, name) for name in _carried_fields())
-    body = zlib.compress(packing.packed((carried, numbers, arrays, learnt)), _QUICK)
+    body = zlib.compress(packing.packed((carried, numbers, arrays, learnt, bank.line_scatter)), _QUICK)
     return _MAGIC + hashlib.sha256(body).digest() + body
 
 
@@ -71,7 +72,7 @@ def fold_from(
     digest = content[len(_MAGIC) : len(_MAGIC) + _DIGEST]
     if not content.startswith(_MAGIC) or hashlib.sha256(body).digest() != digest:
         raise ValueError("these bytes are no snapshot of this format, or they are damaged")
-    carried, numbers, arrays, learnt = packing.unpacked(_packed_type(), zlib.decompress(body))
+    carried, numbers, arrays, learnt, line_scatter = packing.unpacked(_packed_type(), zlib.decompress(body))
     fold = Fold(pump, circuit, thresholds, healthy)
     bank = fold.bank
     parts = _parts(bank)
@@ -85,7 +86,7 @@ def fold_from(
     bank.base = bank.base._replace(records=numbers.pop("base.records"))
     for name, number in numbers.items():
         setattr(bank, name, type(getattr(bank, name))(number))
-    bank.learnt = learnt
+    bank.learnt, bank.line_scatter = learnt, line_scatter
     return fold
 
 
@@ -105,10 +106,11 @@ def _carried_fields() -> tuple[str, ...]:
 
 @cache
 def _packed_type() -> Any:
-    """What is packed: fields of the fold, numbers and arrays of its bank by name, and what was learnt."""
+    """What is packed: fields of the fold, numbers and arrays of its bank by name, what was learnt, and the lines' scatter."""
     hints = get_type_hints(Fold)
     carried = tuple.__class_getitem__(tuple(hints[name] for name in _carried_fields()))
-    return tuple[carried, dict[str, int], dict[str, AnyArray], list[tuple[Measurement, ...]]]  # type: ignore[valid-type]
+    learnt = list[tuple[Measurement, ...]]
+    return tuple[carried, dict[str, int], dict[str, AnyArray], learnt, LineScatter]  # type: ignore[valid-type]
 
 
 def _parts(bank: Bank) -> dict[str, Any]:

@@ -1,9 +1,19 @@
 """Sentences that a maintainer reads: what to do, and what would tell when the data cannot."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
-from detectors.words.states import STATES
-from detectors.words.verdict import FAULTS, SIDE_OF, Estimate, Side, State
+from detectors.judgement.coverage import Coverage
+from detectors.words.states import CAUSES, STATES
+from detectors.words.verdict import (
+    SIDE_OF,
+    BlindSpot,
+    Estimate,
+    Intermittent,
+    MissingEvidence,
+    Side,
+    State,
+)
 
 SENSORS: Mapping[str, str] = {
     "case_pressure_bar": "case pressure sensor",
@@ -12,69 +22,148 @@ SENSORS: Mapping[str, str] = {
 }
 """What a maintainer calls the sensor of a channel."""
 _SENSOR_ADVICE: Mapping[str, str] = {
-    "case_pressure_bar": "Check the case pressure sensor: its zero has moved. Pump and circuit stay monitored as long as "
-    "records hold a pump-off stretch.",
+    "case_pressure_bar": "Check the case pressure sensor: its zero or its span has moved. Pump and circuit stay monitored "
+    "as long as records hold a pump-off stretch.",
     "reservoir_pressure_bar": "Check the reservoir pressure sensor: its reading has moved against the case pressure, with "
     "the pump at rest or running.",
+    "discharge_pressure_bar": "Check the discharge pressure sensor.",
 }
-NAMES: Mapping[State, str] = {state: STATES[state].word for state in FAULTS}
+NAMES: Mapping[State, str] = {state: STATES[state].word for state in CAUSES}
+_QUANTITIES: Mapping[str, str] = {
+    "pump_leakage_change_lpm": "leakage above {below:.1f} L/min",
+    "drain_resistance_change_percent": "what a drain and a pump do differently",
+}
+_LIKELY_BEYOND = 0.5
+"""Probability of being beyond the limit from which nobody is told to fly on."""
 
 
-def advice(
-    state: State,
-    candidates: tuple[State, ...],
-    found: Mapping[str, Estimate],
-    limit_lpm: float,
-    missing: int,
-    sensor: str | None = None,
-) -> str:
-    """One or two plain sentences for this state; ``missing`` is the number of records a baseline still needs,
-    ``sensor`` the channel of a sensor fault.
-    """
-    if state is State.INSUFFICIENT_DATA:
-        return f"Keep recording: {missing} more flights with a zero-flow window are needed for a baseline."
-    flow = found["case_flow_at_reference_lpm"]
-    if state is State.HEALTHY:
-        return (
-            f"Fly on. Case flow at the reference condition is estimated at {flow.mean:.2f} L/min (limit {limit_lpm:g})."
-        )
-    if state is State.PUMP_DEGRADATION:
-        leak = found.get("pump_leakage_change_lpm")
-        urgency = "Replace the pump" if flow.mean > limit_lpm else "Plan the replacement of the pump"
-        level = f"case flow at the reference condition is estimated at {flow.mean:.2f} L/min (limit {limit_lpm:g})."
-        if leak is None or leak.low <= 0.0:
-            return f"{urgency}: {level}"
-        grown = f"{leak.mean:.2f} L/min ({leak.low:.2f} to {leak.high:.2f})"
-        return f"{urgency}: its internal leakage has grown by {grown}; {level}"
-    if state is State.COMPENSATOR_FAULT:
-        setting = found.get("pressure_setting_change_bar")
-        by = f" by {setting.mean:+.1f} bar" if setting else ""
-        return (
-            f"Check the pump's compensator: the regulated pressure has moved{by}. "
-            "Compare the discharge sensor with a gauge, then adjust; if it does not hold, replace the pump."
-        )
-    if state is State.SYSTEM_LEAKAGE:
-        leak = found.get("system_leakage_change_lpm")
-        by = f" about {leak.mean:.1f} L/min ({leak.low:.1f} to {leak.high:.1f})" if leak else ""
-        return (
-            f"Leave the pump in place and look in the circuit: actuators and valves leak{by} more than at the baseline."
-        )
-    if state is State.DRAIN_RESTRICTION:
-        drain = found.get("drain_resistance_change_percent")
-        by = f" by {drain.mean:.0f} % ({drain.low:.0f} to {drain.high:.0f} %)" if drain else ""
-        return f"Leave the pump in place and check the case drain line and its filter: its resistance has grown{by}."
-    if state is State.SENSOR_FAULT:
-        return _SENSOR_ADVICE[sensor or "case_pressure_bar"]
-    names = ", ".join(NAMES[c] for c in candidates)
-    if {SIDE_OF[c] for c in candidates} == {Side.SYSTEM}:
-        return (
-            f"Leave the pump in place: the change is in the circuit, the data cannot yet say which. Possible: {names}."
-        )
-    if {SIDE_OF[c] for c in candidates} == {Side.PUMP}:
-        return f"Plan a check of the pump: the change is its own, the data cannot yet say which. Possible: {names}."
+@dataclass(frozen=True, slots=True)
+class Said:
+    """All that a sentence may speak of; fields as in the verdict."""
+
+    state: State
+    candidates: tuple[State, ...]
+    probabilities: Mapping[State, float]
+    values: Mapping[str, Estimate]
+    beyond: float
+    limit_lpm: float
+    missing: int
+    sensor: str | None
+    blind: tuple[BlindSpot, ...]
+    intermittent: Intermittent | None
+    coverage: Coverage
+    evidence: tuple[MissingEvidence, ...]
+
+
+def advice(said: Said) -> str:
+    """What to do, in plain sentences that say no more than the numbers beside them."""
+    if said.state is State.INSUFFICIENT_DATA:
+        return keep_recording(said.missing)
+    sentences = [_SENTENCES[said.state](said)]
+    if said.intermittent is not None:
+        sentences.append(_comes_and_goes(said.intermittent))
+    return " ".join(sentences)
+
+
+def _level(said: Said) -> str:
+    flow = said.values["case_flow_at_reference_lpm"]
     return (
-        f"Something has changed and the data cannot yet say what. Possible: {names}. Do not replace the pump on this."
+        f"case flow at the reference condition is estimated at {flow.mean:.2f} L/min "
+        f"({max(flow.low, 0.0):.2f} to {flow.high:.2f}, limit {said.limit_lpm:g})"
     )
+
+
+def _healthy(said: Said) -> str:
+    seen = "; ".join(
+        f"{_QUANTITIES[b.quantity].format(below=b.below or 0.0)} goes ({b.because})"
+        for b in said.blind
+        if b.below is not None
+    )
+    first = f"Healthy as far as {seen}." if seen else ""
+    if said.beyond >= _LIKELY_BEYOND:
+        rest = (
+            f"Nothing has changed, but {_level(said)}: beyond its limit with a probability of {100 * said.beyond:.0f} %. "
+            "Measure the case flow on a test stand, or record windows at clearly different fluid temperatures."
+        )
+    else:
+        rest = f"Fly on: {_level(said)}."
+    return f"{first} {rest}".strip()
+
+
+def _pump(said: Said) -> str:
+    leak = said.values.get("pump_leakage_change_lpm")
+    urgency = "Replace the pump" if said.beyond > 0.5 else "Plan the replacement of the pump"
+    if leak is None or leak.low <= 0.0:
+        return f"{urgency}: {_level(said)}."
+    grown = f"{leak.mean:.2f} L/min ({leak.low:.2f} to {leak.high:.2f})"
+    return f"{urgency}: its internal leakage has grown by {grown}; {_level(said)}."
+
+
+def _compensator(said: Said) -> str:
+    setting = said.values.get("pressure_setting_change_bar")
+    by = f" by {setting.mean:+.1f} bar" if setting else ""
+    return (
+        f"Check the pump's compensator: the regulated pressure has moved{by}. "
+        "Compare the discharge sensor with a gauge, then adjust; if it does not hold, replace the pump."
+    )
+
+
+def _system(said: Said) -> str:
+    leak = said.values.get("system_leakage_change_lpm")
+    by = f" about {leak.mean:.1f} L/min ({leak.low:.1f} to {leak.high:.1f})" if leak else ""
+    return f"Leave the pump in place and look in the circuit: actuators and valves leak{by} more than at the baseline."
+
+
+def _drain(said: Said) -> str:
+    drain = said.values.get("drain_resistance_change_percent")
+    by = f" by {drain.mean:.0f} % ({drain.low:.0f} to {drain.high:.0f} %)" if drain else ""
+    return f"Leave the pump in place and check the case drain line and its filter: its resistance has grown{by}."
+
+
+def _sensor(said: Said) -> str:
+    return _SENSOR_ADVICE[said.sensor or "case_pressure_bar"]
+
+
+def _undecided(said: Said) -> str:
+    shares = sorted(((said.probabilities.get(c, 0.0), c) for c in said.candidates), reverse=True)
+    names = ", ".join(f"{NAMES[c]} ({100 * p:.0f} %)" for p, c in shares)
+    sides = {SIDE_OF[c] for c in said.candidates}
+    if sides == {Side.SYSTEM}:
+        first = "Leave the pump in place: the change is in the circuit, the data cannot yet say which."
+    elif sides == {Side.PUMP}:
+        first = "Plan a check of the pump: the change is its own, the data cannot yet say which."
+    else:
+        first = "Something has changed and the data cannot yet say what. Do not replace the pump on this."
+    return f"{first} Possible: {names}.{_would_tell(said)}"
+
+
+def _would_tell(said: Said) -> str:
+    """What the history holds already, and what is still missing, in counts."""
+    if not said.evidence:
+        return ""
+    history, first = said.coverage, said.evidence[0]
+    holds = ""
+    if history.coldest is not None and history.warmest is not None:
+        holds = f" The windows span {history.coldest:.0f} to {history.warmest:.0f} degC already;"
+    return f"{holds} {first.records} more would decide: {first.what}."
+
+
+def _comes_and_goes(found: Intermittent) -> str:
+    return (
+        f"A {NAMES[found.state]} comes and goes: it showed on {found.records} of {found.of} flights "
+        f"since {found.since:%d %b %Y}."
+    )
+
+
+_SENTENCES = {
+    State.HEALTHY: _healthy,
+    State.PUMP_DEGRADATION: _pump,
+    State.COMPENSATOR_FAULT: _compensator,
+    State.SYSTEM_LEAKAGE: _system,
+    State.DRAIN_RESTRICTION: _drain,
+    State.SENSOR_FAULT: _sensor,
+    State.INDETERMINATE: _undecided,
+}
 
 
 def implausible(channel: str, why: str, records: int) -> str:
@@ -90,23 +179,11 @@ def gauge(channel: str) -> str:
     return f"a reading of the {SENSORS[channel]} against a gauge, with the pump at rest and running"
 
 
-def resolving_measurement(candidates: tuple[State, ...]) -> str | None:
-    """What would separate the candidates; None when nothing has to be separated."""
-    left = set(candidates)
-    if len(left) < 2:
-        return None
-    if State.SENSOR_FAULT in left:
-        return "records that begin with a pump-off stretch: there the case sensor must read the reservoir"
-    if State.SYSTEM_LEAKAGE in left and State.PUMP_DEGRADATION in left:
-        return (
-            "ground runs at zero, 10 and 20 L/min with the commanded flow in the record (commanded_flow_lpm): "
-            "leaks in the circuit and in the pump show differently there"
-        )
-    if {State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION} <= left:
-        return "zero-flow windows at clearly different fluid temperatures (20 K apart), or case flow on a test stand"
-    if State.COMPENSATOR_FAULT in left:
-        return (
-            "load steps of a known flow (commanded_flow_lpm) sampled at 5 Hz or faster: they show the droop; "
-            "or a gauge at discharge"
-        )
-    return "a ground run at constant flow, or zero-flow windows at clearly different fluid temperatures"
+def gauge_evidence(channel: str, states: tuple[State, ...]) -> tuple[MissingEvidence, ...]:
+    """The same as evidence that is missing; nothing where only the sensor is left."""
+    return (MissingEvidence(gauge(channel), 1, states),) if len(states) > 1 else ()
+
+
+def keep_recording(records: int) -> str:
+    """What to do before there is a baseline."""
+    return f"Keep recording: {records} more flights with a zero-flow window are needed for a baseline."

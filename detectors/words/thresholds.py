@@ -42,7 +42,7 @@ KEYS: tuple[ThresholdKey, ...] = (
     ThresholdKey(
         "side_probability",
         "-",
-        0.9,
+        0.95,
         0.5,
         0.9999,
         "share of the pump's faults, or the sensor's, from which it is their side",
@@ -50,14 +50,14 @@ KEYS: tuple[ThresholdKey, ...] = (
     ThresholdKey(
         "system_side_probability",
         "-",
-        0.83,
+        0.95,
         0.5,
         0.9999,
         "share of the circuit's faults from which it is their side: looking there costs less than pulling a sound pump",
     ),
-    ThresholdKey("state_probability", "-", 0.96, 0.5, 0.9999, "share of one fault among all faults to be named"),
+    ThresholdKey("state_probability", "-", 0.97, 0.5, 0.9999, "share of one fault among all faults to be named"),
     ThresholdKey(
-        "side_records", "records", 12.0, 1.0, 50.0, "records in a row above such a share before side or fault is named"
+        "side_records", "records", 6.0, 1.0, 50.0, "records in a row above such a share before side or fault is named"
     ),
     ThresholdKey("candidate_probability", "-", 0.02, 0.001, 0.5, "share from which a fault stays a candidate"),
     ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),

@@ -1,7 +1,7 @@
 """The verdict of a pump of which nothing is known yet."""
 
 from detectors.judgement.version import twin_version
-from detectors.judgement.wording import advice
+from detectors.judgement.wording import keep_recording
 from detectors.words.verdict import SIDE_OF, UNINFORMED, Quality, State, Verdict
 from service.answers import verdicts as answers
 from service.history.codec import verdict_to_json
@@ -26,7 +26,7 @@ def empty_verdict(kind: PumpType, thresholds: Effective) -> answers.Verdict:
         estimates={},
         minimum_detectable={},
         quality=Quality(0, 0, "nominal", ()),
-        advice=advice(state, (), {}, thresholds.values["case_flow_limit_lpm"], missing),
+        advice=keep_recording(missing),
         resolving_measurement=None,
     )
     return verdict_to_json(verdict, twin_version(kind), thresholds.version, software().to_json())

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from detectors.bank.bank import ARRIVAL_KINDS, Bank
-from detectors.bank.hypotheses import FAULT_KINDS, log_hazards
+from detectors.bank.hypotheses import FAULT_KINDS, log_priors
 from detectors.bank.regulation import LOG_HAZARD
+from detectors.bank.shapes import STATED
 from detectors.evaluation.calibration import N_FINE, Reliability, calibration, calibration_error, equal_mass
 from detectors.evaluation.delays import (
     ALARM,
@@ -56,7 +57,7 @@ from detectors.evaluation.small_steps import chart_threshold, judged_in_class
 from detectors.evaluation.study import Outcome
 from detectors.evaluation.truth import is_worth_a_word, since_installation
 from detectors.words.thresholds import effective
-from detectors.words.verdict import ESTIMATES, State
+from detectors.words.verdict import ESTIMATES, FAULTS, State
 from service.studies.evaluation.forecasts import with_forecasts
 from tests.detectors.test_evaluation import H, N, P, outcome, row
 from twin.condition import INPUTS
@@ -109,8 +110,7 @@ def test_a_fault_is_true_from_its_floor_on() -> None:
     assert flights("slippers", P) == [False, False, False, True, True]  # 0.05 L/min
     assert flights("one slipper", P) == [False, True, True, True, True]  # 0.02 L/min
     assert flights("setting", State.COMPENSATOR_FAULT, -5.0 * size) == [False] * 4 + [True]  # 0.7 bar either way
-    # 0.06 in the logarithm is 6.2 %
-    assert flights("drain", State.DRAIN_RESTRICTION) == [False] * 4 + [True]
+    assert flights("drain", State.DRAIN_RESTRICTION) == [False] * 3 + [True] * 2  # 6 % of the drain's own resistance
     assert flights("erosion", State.COMPENSATOR_FAULT) == [False, True, True, True, True]
     assert not any(flights("reservoir", H))
     zero = Row("z", State.SENSOR_FAULT, 4, sensing=Sensing(case_zero_step=0.06, step_at=2))
@@ -154,7 +154,7 @@ def test_rows_are_pooled_as_the_judge_expects_them() -> None:
     worn = next(r for r in PLAIN_ROWS if r.worn)
     weights = prior_weights([healthy, leak, replace(leak, name="again"), drain, worn])
     assert weights[1] == weights[2]
-    hazards = dict(zip((k.name for k in FAULT_KINDS), np.exp(log_hazards()).sum(axis=0), strict=True))
+    hazards = dict(zip((k.name for k in FAULT_KINDS), np.exp(log_priors(-np.inf)[STATED]).sum(axis=0), strict=True))
     drains = [k.name for k in FAULT_KINDS if k.state is State.DRAIN_RESTRICTION]
     worn_kinds = [k.name for k in FAULT_KINDS if k.state is State.PUMP_DEGRADATION]  # both rows stand for all of them
     assert 2 * weights[1] / weights[3] == pytest.approx(
@@ -164,13 +164,14 @@ def test_rows_are_pooled_as_the_judge_expects_them() -> None:
     uneven = next(r for r in PLAIN_ROWS if r.name == "uneven wear")
     apart = prior_weights([drain, uneven])
     assert apart[1] / apart[0] == pytest.approx(hazards["uneven wear"] / sum(map(hazards.get, drains)))
-    # all kinds but the healthy ones and changes of the regulation, in four records each; 200 records without any
-    faults = [k.name for k in FAULT_KINDS if k.state is not State.HEALTHY]
+    # all kinds with a fault of their own and changes of the regulation, in four records each; 200 records without any
+    faults = [k.name for k in FAULT_KINDS if k.state in FAULTS]
     assert hazard_per_record() == pytest.approx((sum(map(hazards.get, faults)) + math.exp(LOG_HAZARD)) / 4)
-    assert weights[0] * (1 + 2 * ARRIVAL_PRIOR) == pytest.approx(math.exp(-200 * hazard_per_record()))
+    came_worn = len(ARRIVAL_KINDS) * ARRIVAL_PRIOR
+    assert weights[0] * (1 + came_worn) == pytest.approx(math.exp(-200 * hazard_per_record()))
     start = Bank(pump_type("h225"))
     assert start.filters.log_evidence[1 : 1 + len(ARRIVAL_KINDS)] == pytest.approx(math.log(ARRIVAL_PRIOR))
-    assert weights[4] == pytest.approx(2 * ARRIVAL_PRIOR / (1 + 2 * ARRIVAL_PRIOR))
+    assert weights[4] == pytest.approx(came_worn / (1 + came_worn))
     error = calibration_error
     good = calibration(seen(row(H), outcome([[N, H, H, H]], healthy=1.0, onset=99))).confidence
     bad = calibration(seen(row(onset=1), outcome([[N, H, H, H]], healthy=1.0, onset=1, floor=0.0))).confidence

@@ -5,8 +5,8 @@ from datetime import timedelta
 
 import pytest
 
-from detectors.judgement.assessment import MAINTENANCE_RESETS, assess
-from detectors.words.observation import History, Maintenance, Reduction, Zero
+from detectors.judgement.assessment import assess
+from detectors.words.observation import ACTIONS, History, Maintenance, Reduction, Zero
 from detectors.words.states import SIDE_OF, Side, State
 from detectors.words.thresholds import effective
 from tests.detectors.fleet import CIRCUIT, PUMP, Fault, history
@@ -62,7 +62,7 @@ def last_side(found: History) -> tuple[State, Side]:
 
 
 @pytest.mark.parametrize("before", [ONSET - 9, ONSET, ONSET + 9])
-@pytest.mark.parametrize("action", sorted(MAINTENANCE_RESETS))
+@pytest.mark.parametrize("action", ACTIONS)
 @pytest.mark.parametrize("name", FAULTS)
 def test_no_entry_hides_a_fault_that_it_did_not_touch(name: str, action: str, before: int) -> None:
     state, fault = FAULTS[name]
@@ -86,7 +86,7 @@ def test_a_lost_channel_costs_its_record_and_no_more(name: str, record: int) -> 
         assert told is state or side in (SIDE_OF[state], Side.UNKNOWN), seed
 
 
-@pytest.mark.parametrize("action", sorted(MAINTENANCE_RESETS))
+@pytest.mark.parametrize("action", ACTIONS)
 def test_an_entry_accuses_no_healthy_pump(action: str) -> None:
     for seed in range(4):
         told, _ = last_side(entered(history(seed, RECORDS), action, ONSET))

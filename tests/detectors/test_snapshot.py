@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.rows import LEAKS, Growing
 from detectors.evaluation.sensing import Sensing, histories
-from detectors.judgement.assessment import MAINTENANCE_RESETS, Fold, assess
+from detectors.judgement.assessment import Fold, assess
 from detectors.judgement.snapshot import fold_from, snapshot
 from detectors.words.flights import outline_of, roles_of
-from detectors.words.observation import History, Maintenance, Observation
+from detectors.words.observation import ACTIONS, History, Maintenance, Observation
 from detectors.words.thresholds import effective
 from tests.detectors.fleet import CIRCUIT, FAULTS, PUMP, history
 
@@ -54,7 +54,7 @@ slow = st.builds(
     st.booleans(),
     st.booleans(),
 )
-events = st.lists(st.tuples(st.integers(1, N - 1), st.sampled_from(sorted(MAINTENANCE_RESETS))), max_size=2)
+events = st.lists(st.tuples(st.integers(1, N - 1), st.sampled_from(ACTIONS)), max_size=2)
 moves = st.none() | st.integers(1, N - 1)
 
 

@@ -1,0 +1,107 @@
+"""What a pump's history holds and what it lacks: blind spots, and the evidence that would decide."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from detectors.bank.measurement import Measured
+from detectors.words.observation import Observation, WindowKind
+from detectors.words.states import SIDE_OF, Side, State
+from detectors.words.verdict import BlindSpot, MissingEvidence
+
+_TEMPERATURE = "fluid_temperature_degc"
+_LEAK = "pump_leakage_change_lpm"
+_DRAIN = "drain_resistance_change_percent"
+_WITHOUT_RESERVOIR_LPM = 0.6
+"""Leakage that an unknown reservoir pressure hides (study: never found where it is not measured; half a bar is as much)."""
+_WITHOUT_ZERO_LPM = 0.3
+"""Leakage that a wandering zero of the case sensor hides (study: alarm at 0.31 L/min without a zero)."""
+_SPAN_K = 20.0
+"""Temperatures of the windows from which leak and drain begin to part (estimate: their laws then differ by a fifth)."""
+_MOSTLY = 0.5
+_LOADED, _BURSTS = 4, 10
+"""Ground runs and bursts from which more of them would add little (study: they decide within as many)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """Counts of records that were learnt from, and the range of their windows' temperatures [degC]."""
+
+    records: int = 0
+    coldest: float | None = None
+    warmest: float | None = None
+    zeros: int = 0
+    reservoirs: int = 0
+    loaded: int = 0
+    bursts: int = 0
+
+    @property
+    def span_k(self) -> float:
+        """Range of the windows' temperatures [K]."""
+        return 0.0 if self.warmest is None or self.coldest is None else self.warmest - self.coldest
+
+    def grown(self, observation: Observation, found: Measured) -> "Coverage":
+        """With one more record."""
+        accepted = [w for w in observation.reduction.windows if w.accepted]
+        flat = [w for w in accepted if w.kind is WindowKind.ZERO_FLOW and _TEMPERATURE in w.means]
+        seen = [w.means[_TEMPERATURE].mean for w in flat]
+        seen += [t for t in (self.coldest, self.warmest) if t is not None]
+        return replace(
+            self,
+            records=self.records + 1,
+            coldest=min(seen, default=None),
+            warmest=max(seen, default=None),
+            zeros=self.zeros + observation.reduction.zero.measured,
+            reservoirs=self.reservoirs + found.measurements[-1].reservoir_measured,
+            loaded=self.loaded + any(w.kind is WindowKind.CONSTANT_FLOW for w in accepted),
+            bursts=self.bursts + (observation.reduction.spectrum is not None),
+        )
+
+
+def blind_spots(history: Coverage, smallest: Mapping[str, float]) -> tuple[BlindSpot, ...]:
+    """What the channels of this pump cannot show; ``smallest`` are the smallest changes that would have been found."""
+    if not history.records:
+        return ()
+    found = []
+    if history.reservoirs < _MOSTLY * history.records:
+        below = max(_WITHOUT_RESERVOIR_LPM, smallest.get(_LEAK, 0.0))
+        found.append(BlindSpot(_LEAK, below, "reservoir pressure is not measured"))
+    if history.zeros < _MOSTLY * history.records:
+        below = max(_WITHOUT_ZERO_LPM, smallest.get(_LEAK, 0.0))
+        found.append(BlindSpot(_LEAK, below, "no pump-off stretch shows the zero of the case sensor"))
+    if history.span_k < _SPAN_K:
+        why = f"all windows lie within {history.span_k:.0f} K: a restricted drain and a worn pump look alike"
+        found.append(BlindSpot(_DRAIN, None, why))
+    return tuple(found)
+
+
+def missing_evidence(candidates: tuple[State, ...], history: Coverage) -> tuple[MissingEvidence, ...]:
+    """What the history does not hold and what would tell the candidates apart, the best first."""
+    left = set(candidates)
+    if len(left) < 2:
+        return ()
+    found = []
+    if State.SENSOR_FAULT in left:
+        if history.zeros < _MOSTLY * history.records:
+            what = "records that begin with a pump-off stretch: there the case sensor must read the reservoir"
+            found.append(MissingEvidence(what, 3, candidates))
+        found.append(MissingEvidence("a reading of the sensor against a gauge, at rest and running", 1, candidates))
+    pump = tuple(c for c in candidates if SIDE_OF[c] is Side.PUMP)
+    if State.SYSTEM_LEAKAGE in left and pump and history.loaded < _LOADED:
+        what = "ground runs at zero, 10 and 20 L/min with the commanded flow in the record (commanded_flow_lpm)"
+        found.append(MissingEvidence(what, _LOADED - history.loaded, (*pump, State.SYSTEM_LEAKAGE)))
+    if State.DRAIN_RESTRICTION in left and len(left) > 1 and history.bursts < _BURSTS:
+        rivals = tuple(c for c in candidates if c is not State.OTHER)
+        what = "bursts of two seconds at 10 kHz in the zero-flow window: a clogged drain leaves the pump's ripple alone"
+        found.append(MissingEvidence(what, _BURSTS - history.bursts, rivals))
+    if State.PUMP_DEGRADATION in left and State.DRAIN_RESTRICTION in left and history.span_k < _SPAN_K:
+        what = "zero-flow windows at clearly different fluid temperatures (20 K apart)"
+        found.append(MissingEvidence(what, 4, (State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION)))
+    if State.COMPENSATOR_FAULT in left:
+        what = "load steps of a known flow (commanded_flow_lpm) at 5 Hz or faster, or a gauge at discharge"
+        found.append(MissingEvidence(what, 2, candidates))
+    if State.OTHER in left:
+        what = "an inspection of sensors and wiring: no fault of pump or circuit that is known explains these records"
+        found.append(MissingEvidence(what, 1, candidates))
+    if not found:
+        found.append(MissingEvidence("case flow on a test stand", 1, candidates))
+    return tuple(found)

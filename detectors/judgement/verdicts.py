@@ -1,0 +1,128 @@
+"""From a decision to the verdict that is said: sentences, numbers and candidates that agree with each other."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+from detectors.judgement import wording
+from detectors.judgement.coverage import Coverage, blind_spots, missing_evidence
+from detectors.judgement.estimates import Found
+from detectors.judgement.isolation import Decision, Evidence, secondary
+from detectors.judgement.plausibility import Doubt
+from detectors.words.verdict import (
+    CAUSES,
+    SIDE_OF,
+    UNINFORMED,
+    CasePressure,
+    Fit,
+    Intermittent,
+    Quality,
+    Resolved,
+    Side,
+    State,
+    Verdict,
+)
+
+_RESIDUE = 0.05
+"""Probability of all that the record's implausibility does not point to (our estimate: one such run in twenty has another
+cause)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a verdict says beside its decision.
+
+    ``missing`` counts the records that a baseline still needs; ``sensor`` is the channel of the likeliest sensor fault.
+    """
+
+    quality: Quality
+    since: datetime
+    limit_lpm: float
+    missing: int
+    coverage: Coverage
+    fit: Fit
+    intermittent: Intermittent | None
+    resolved_by: Resolved | None
+    case_pressure: CasePressure | None
+    sensor: str | None
+
+
+def verdict_of(decision: Decision, found: Evidence, sizes: Found, context: Context) -> Verdict:
+    """The verdict by the evidence."""
+    state = decision.state
+    probabilities: Mapping[State, float] = found.probabilities
+    if state is State.INSUFFICIENT_DATA:
+        probabilities = UNINFORMED
+    blind = blind_spots(context.coverage, sizes.smallest)
+    missing = missing_evidence(decision.candidates, context.coverage)
+    sensor = context.sensor if State.SENSOR_FAULT in (state, *decision.candidates) else None
+    said = wording.Said(
+        state=state,
+        candidates=decision.candidates,
+        probabilities=probabilities,
+        values=sizes.values,
+        beyond=sizes.beyond,
+        limit_lpm=context.limit_lpm,
+        missing=context.missing,
+        sensor=sensor,
+        blind=blind,
+        intermittent=context.intermittent,
+        coverage=context.coverage,
+        evidence=missing,
+    )
+    return Verdict(
+        state=state,
+        side=side_of(decision),
+        since=context.since,
+        confidence=max(probabilities.values()),
+        probabilities=probabilities,
+        candidates=decision.candidates,
+        secondary=secondary(found, state),
+        sensor=sensor,
+        estimates=sizes.values,
+        minimum_detectable=sizes.smallest,
+        quality=context.quality,
+        advice=wording.advice(said),
+        resolving_measurement=missing[0].what if missing else None,
+        fit=context.fit,
+        blind_spots=blind,
+        probability_beyond_limit=sizes.beyond if context.quality.records_used else None,
+        intermittent=context.intermittent,
+        resolved_by=context.resolved_by,
+        missing_evidence=missing,
+        case_pressure=context.case_pressure,
+    )
+
+
+def implausible(found: Doubt, records: int, judged: Verdict, at: datetime) -> Verdict:
+    """The verdict where the last records cannot be true: what was known of pump and circuit before stays an estimate."""
+    decision = Decision(State.SENSOR_FAULT)
+    if len(found.states) > 1:
+        decision = Decision(State.INDETERMINATE, tuple(found.states))
+    probabilities = _spread(found.states)
+    return replace(
+        judged,
+        state=decision.state,
+        side=side_of(decision),
+        since=judged.since if judged.state is decision.state else at,
+        confidence=max(probabilities.values()),
+        probabilities=probabilities,
+        candidates=decision.candidates,
+        secondary=None,
+        sensor=found.channel,
+        advice=wording.implausible(found.channel, found.why, records),
+        resolving_measurement=wording.gauge(found.channel),
+        missing_evidence=wording.gauge_evidence(found.channel, found.states),
+    )
+
+
+def side_of(decision: Decision) -> Side:
+    """Side of a state; for ``indeterminate`` the one its candidates share."""
+    sides = {SIDE_OF[c] for c in decision.candidates}
+    return sides.pop() if len(sides) == 1 else SIDE_OF[decision.state]
+
+
+def _spread(states: tuple[State, ...]) -> dict[State, float]:
+    """Probabilities where only a few states are left: equal among them, a residue for the others."""
+    others = [s for s in CAUSES if s not in states]
+    return {s: (1.0 - _RESIDUE) / len(states) if s in states else _RESIDUE / len(others) for s in CAUSES}
