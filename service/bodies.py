@@ -1,8 +1,10 @@
 """What bodies of requests have in common; text that every database can hold."""
 
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, field_validator
+
+from twin.pumps.fluids import FLUIDS
 
 _HALVES = range(0xD800, 0xE000)
 
@@ -16,6 +18,16 @@ def is_storable(value: Any) -> bool:
     if isinstance(value, list | tuple):
         return all(map(is_storable, value))
     return True
+
+
+def _known_fluid(name: str) -> str:
+    if name not in FLUIDS:
+        raise ValueError(f"{name!r} is not one of {', '.join(sorted(FLUIDS))}")
+    return name
+
+
+FluidName = Annotated[str, AfterValidator(_known_fluid)]
+"""Product name of a fluid that the twin has properties of; another is refused with the list of those."""
 
 
 class Body(BaseModel):

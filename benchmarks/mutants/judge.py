@@ -22,6 +22,10 @@ def _judgement(
     return Mutant("judgement", module, fragment, replacement, tests, select)
 
 
+def _curve(module: str, fragment: str, replacement: str) -> Mutant:
+    return Mutant("curve", f"detectors.curve.{module}", fragment, replacement, ("tests.detectors.test_curve",))
+
+
 MUTANTS: tuple[Mutant, ...] = (
     _reduction("detectors.reduction.windows", "_swing(part), share * sensor", "_swing(part), 2.0 * share * sensor"),
     _reduction("detectors.words.numbers", "LOWEST_PRESSURE_SHARE = 0.85", "LOWEST_PRESSURE_SHARE = 0.5"),
@@ -96,4 +100,13 @@ MUTANTS: tuple[Mutant, ...] = (
     _judgement(
         "detectors.words.flights", "if not outline.has_zero_flow:", "if False:", "", ("tests.detectors.test_flights",)
     ),
+    _curve("sights", "within + (apart.T * sight.shares) @ apart", "within * 0.25"),
+    _curve("sights", "own[list(_OF_SENSORS)] = 0.0", "own[list(_OF_SENSORS[:0])] = 0.0"),
+    _curve("sights", "states[:, _SYSTEM] += demand_lpm", "states[:, _SYSTEM] += 0.5 * demand_lpm"),
+    _curve("points", "y + zero - first", "y"),
+    _curve("points", "- zero\n    sd", "\n    sd"),
+    _curve("points", "kind.sign == 0", "kind.sign != 0"),
+    _curve("laws", "if amplitude >= largest:", "if False:"),
+    _curve("laws", "np.array([e.standard_deviation for e in fitted]) ** -2.0", "np.ones(len(fitted))"),
+    _curve("labels", "and self.top < other.bottom", "and self.top < other.top"),
 )

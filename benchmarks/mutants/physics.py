@@ -14,7 +14,19 @@ def _reduced(fragment: str, replacement: str) -> Mutant:
     return Mutant("reduced twin", "detectors.expectation.reduced_twin", fragment, replacement, _REDUCED, plain=True)
 
 
+def _fluid(fragment: str, replacement: str) -> Mutant:
+    select = "not order_surfaces and not laminar"
+    return Mutant("fluids", "twin.pumps.fluids", fragment, replacement, ("tests.twin.test_fluids",), select)
+
+
 MUTANTS: tuple[Mutant, ...] = (
+    _fluid("(nu + 0.7)) for nu in", "(nu + 0.3)) for nu in"),
+    _fluid("return math.hypot(", "return max("),
+    _fluid("if _in_gaps(fluid, middle) > wanted else", "if _in_gaps(fluid, middle) < wanted else"),
+    _fluid(
+        'limits["reference_temperature_k"] = replace(acceptance, value=T',
+        'limits["other"] = replace(acceptance, value=T',
+    ),
     _law("twin.laws.gap", "1.0 + 1.5 * (e / b)", "1.0 + 2.5 * (e / b)"),
     _law("twin.laws.gap", "poiseuille + 0.5 * v_sum", "poiseuille + 1.0 * v_sum"),
     _law("twin.laws.gap", "(6.0 * mu * math.log(diameter_ratio))", "(12.0 * mu * math.log(diameter_ratio))"),

@@ -41,6 +41,7 @@ MUTANTS: tuple[Mutant, ...] = (
         'accepted = {"*", tag} if current is None else {tag}', 'accepted = {"*", tag}', "of_two_changes and sqlite"
     ),
     _layers("newest = _newest(session) | {scope: values}", "newest = {scope: values}", "levels_must and sqlite"),
+    _layers("Effective(effective(values, kind), ", "Effective(effective(values), ", "own_limits and sqlite"),
     Mutant(
         "layers",
         "service.history.knowledge",
@@ -81,17 +82,28 @@ MUTANTS: tuple[Mutant, ...] = (
     _life(">= rules.on_flights", "> rules.on_flights"),
     _life("{p.flight_id for p in rising}", "{p.record_id for p in rising}"),
     _life(">= rules.off_flights", "> rules.off_flights"),
-    _life(' or point.state == "insufficient_data":', ":"),
+    _life(">= rules.off_flights or new:", ">= rules.off_flights:"),
+    _life(' and open_.levels[-1][0].state != "insufficient_data"', ""),
+    _life(" or point.case_pressure_beyond:\n                open_", ":\n                open_"),
+    _life("if self.side == Side.NONE and self.case_pressure_beyond", "if self.case_pressure_beyond"),
+    _life("(pressed and not known.case_pressure)", "pressed"),
     _life("rules.limit_off_lpm if before else rules.limit_lpm", "rules.limit_lpm"),
     _life("limit * (1.0 - thresholds", "limit * (1.0 + thresholds"),
-    Mutant("alarms", "detectors.words.states", '"?", 4, "medium")', '"?", 4, "high")', _LIFE),
-    _life(
-        "if handled and (rank > known.rank or (renamed and rank == known.rank)):", "if handled and rank > known.rank:"
+    Mutant(
+        "alarms",
+        "detectors.words.states",
+        '"Cannot tell yet", "?", 4, "medium")',
+        '"Cannot tell yet", "?", 4, "high")',
+        _LIFE,
     ),
+    _life("unseen = (renamed and rank == known.rank) or", "unseen ="),
     _life("covers = rank >= PRIORITIES.index(life.priority)", "covers = True"),
     _life("known.rank = max(known.rank, rank)", "known.rank = -1"),
     _life("closed_at=action.done_at, acknowledged=True", "closed_at=action.done_at, acknowledged=False"),
-    _life("rising = [*rising, point] if faulty else []", "rising = [*rising, point] if faulty else rising"),
+    _life(
+        "rising = [*rising, point] if point.is_faulty else []",
+        "rising = [*rising, point] if point.is_faulty else rising",
+    ),
     _ledger("row.withdrawn_at is None and alarm.overlaps", "alarm.overlaps"),
     _ledger("return alarm.covers(row.onset_at)", "return False"),
     _ledger('before["closed_at"] is None and after["closed_at"] is not None', "False"),

@@ -269,7 +269,7 @@ class Bank:
         """Take one record's windows: let time pass, weigh and update every filter."""
         filters = self.filters
         self._pass_time()
-        measurements = tuple(self._with_line_scatter(self._with_discrepancy(m)) for m in measurements)
+        measurements = tuple(self._as_weighed(m) for m in measurements)
         surprising = self.records >= _FIRST_RECORDS and self._is_surprising(measurements)
         if surprising:
             # what sets in with a bang is met from its first record on: a candidate that is late by one record would
@@ -303,22 +303,20 @@ class Bank:
         of = [expected(filters.mean[k], DIRECTIONS[filters.kind[k]], measurement.reading) for k in (0, f)]
         return of[0], of[1]
 
-    def _with_discrepancy(self, measurement: Measurement) -> Measurement:
-        """The measurement with what sensor and laws are unsure of far from where the healthy pump was learnt."""
-        if CASE not in measurement.seen:
-            return measurement
-        _, case, _ = expected(self.filters.mean[0], DIRECTIONS[HEALTHY], measurement.reading)
-        noise = measurement.noise.copy()
-        noise[CASE, CASE] += (DISCREPANCY * (measurement.values[CASE] - case)) ** 2
-        return replace(measurement, noise=noise)
+    def _as_weighed(self, measurement: Measurement) -> Measurement:
+        """The measurement with what its noise leaves out.
 
-    def _with_line_scatter(self, measurement: Measurement) -> Measurement:
-        """The measurement with the scatter of this pump's own line, which it teaches in turn."""
-        if LINE not in measurement.seen:
-            return measurement
-        noise, before = measurement.noise.copy(), self.line_scatter
-        self.line_scatter = before.with_line(float(measurement.values[LINE]), float(noise[LINE, LINE]))
-        noise[LINE, LINE] += before.variance
+        Far from where the healthy pump was learnt sensor and laws are less sure of the case pressure; the line at once per
+        turn scatters as this pump's own does, which it teaches in turn.
+        """
+        noise, reading = measurement.noise.copy(), measurement.reading
+        if CASE in measurement.seen:
+            _, case, _ = expected(self.filters.mean[0], DIRECTIONS[HEALTHY], reading)
+            noise[CASE, CASE] += (DISCREPANCY * (measurement.values[CASE] - case)) ** 2
+        if measurement.seen[-1] == LINE:
+            before = self.line_scatter
+            self.line_scatter = before.with_line(float(measurement.values[LINE]), float(noise[LINE, LINE]))
+            noise[LINE, LINE] += before.variance
         return replace(measurement, noise=noise)
 
     def _is_surprising(self, measurements: tuple[Measurement, ...]) -> bool:
@@ -353,7 +351,7 @@ class Bank:
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
-        measurement = self._with_line_scatter(measurement)
+        measurement = self._as_weighed(measurement)
         self._take(measurement, 1)
         self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
         self.filters.log_evidence[: self.n] -= self.filters.log_evidence[: self.n].max()
@@ -483,6 +481,10 @@ class Bank:
                 self._free(PLACE[name], np.nan, like_before)
             elif PLACE[name] < N_STATE:
                 self._free(PLACE[name], mean[PLACE[name]], sd[PLACE[name]])
+
+    def fill(self, ln_viscosity: float, sd: float) -> None:
+        """Another fluid: the logarithm of its viscosity over that of the twin's, and its spread."""
+        self._free(PLACE["ln_viscosity"], ln_viscosity, sd)
 
     def _end(self, row: int) -> None:
         """Turn a filter into the one whose fault ended now."""

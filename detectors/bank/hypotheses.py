@@ -86,6 +86,8 @@ _THROTTLED = Law(
     (("leakage, slippers", 0.0), ("leakage, mixed", 0.5), ("leakage, throttled", 1.0)),
 )
 """A wide slipper gap leaves the throttle in charge (estimate: a tenth of what is added, give or take a quarter)."""
+_THINNER = (("ln_viscosity", 1.0), ("setting", 0.9))
+"""A thinner product also regulates lower, by 0.9 bar per unit of the logarithm (operating point, four products)."""
 _GAP_OR_ORIFICE = Law(
     (("system_orifice", -1.0), ("system_laminar", 1.0)),
     0.5,
@@ -133,7 +135,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     FaultKind("drain restriction", _DRAIN, _RESISTANCE, _MORE, 0.06, 1, law=_CLOGGED, comes_and_goes=True),
     FaultKind("case sensor", _SENSOR, (("case_offset", 1.0),), 0.15, 0.06, 0, _CASE, share=0.4),
     FaultKind("case sensor, span", _SENSOR, (("case_span", -1.0),), 0.3, 0.1, 1, _CASE, share=0.2, growing=False),
-    FaultKind("fluid batch", State.HEALTHY, (("ln_viscosity", 1.0),), 0.06, 0.0, 0, growing=False),
+    FaultKind("fluid batch", State.HEALTHY, _THINNER, 0.1, 0.0, 0, growing=False),
     FaultKind(
         "drain restriction, setting moves",
         _DRAIN,

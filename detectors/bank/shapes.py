@@ -199,9 +199,9 @@ class Sums(NamedTuple):
     Attributes
     ----------
     weights
-        Posterior shares of the filters, shape (M,); one-sided faults are weighed by the sign they came out with.
+        Posterior shares of the filters, shape (N_WAYS, M); one-sided faults are weighed by the sign they came out with.
     of_all, changed
-        Shares by state, none of these and the healthy pump last, shape (n_states + 2,): of all, and of what changed since
+        Shares by state, none of these and the healthy pump last, shape (N_WAYS, n_states + 2): of all, and of what changed since
         the first record (an arrival counts as healthy there).
     together
         Shares of two faults by state of the first and of the second, shape (n_states, n_states).
@@ -217,6 +217,10 @@ class Sums(NamedTuple):
     moments: Array
 
 
+WHOLE, AS_STATED, AS_ALIKE = range(3)
+N_WAYS = 3
+"""Ways to weigh filters: by the stated prior and all that the data say; by the stated and by the shape-neutral prior and what
+the data are good for where causes compete."""
 N_MOMENTS = 4
 SHARE, FIRST, SECOND, RESOLUTION = range(N_MOMENTS)
 """Columns of ``Sums.moments``."""

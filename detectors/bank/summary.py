@@ -7,7 +7,10 @@ import numpy as np
 from detectors.bank.shapes import (
     ALIKE,
     ARRIVAL,
+    AS_ALIKE,
+    AS_STATED,
     FIRST,
+    N_WAYS,
     ON_OFF,
     OPEN,
     RAMP,
@@ -16,6 +19,7 @@ from detectors.bank.shapes import (
     SHARE,
     STATED,
     STEP,
+    WHOLE,
     Array,
     Filters,
     Integers,
@@ -26,6 +30,9 @@ from detectors.bank.shapes import (
 from detectors.expectation.components import AMPLITUDE, LAW, RATE, SETTING
 from twin.compiled import compiled
 
+_LEAST_SHOWN, _NOT_YET = 3, 1.0e3
+"""Flights on which a fault must have shown before it counts as one that comes and goes (our choice), and what stands against
+it until then [nat]."""
 TEMPER = 0.85
 """Exponent of the likelihood where causes compete: their laws are not the world's."""
 
@@ -39,16 +46,13 @@ def log_normal_above(z: float) -> float:
 
 
 @compiled
-def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums, which: int, exponent: float) -> float:
-    """Sum the first n filters after ``records`` records into ``sums``; returns the share of pumps that came worn.
-
-    ``which`` is the prior: ``STATED`` or ``ALIKE``; the likelihood counts with an ``exponent``.
-    """
+def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums) -> float:
+    """Sum the first n filters after ``records`` records into ``sums``; returns the share of pumps that came worn."""
     mean, covariance, kind, shape, onset = filters.mean, filters.covariance, filters.kind, filters.shape, filters.onset
     weights, of_all, changed, together, moments = sums
-    _weigh(filters, n, meaning.signs, weights, which, exponent)
-    of_all[:], changed[:], moments[:, :], together[:, :] = 0.0, 0.0, 0.0, 0.0
-    healthy = len(of_all) - 1
+    _weigh(filters, n, meaning.signs, weights)
+    of_all[:, :], changed[:, :], moments[:, :], together[:, :] = 0.0, 0.0, 0.0, 0.0
+    healthy = of_all.shape[1] - 1
     arrived = 0.0
     n_quantities = len(moments)
     oldest = np.full(n_quantities, records)
@@ -57,7 +61,7 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums,
         if meaning.quantities[k] >= 0:
             first_kind[meaning.quantities[k]] = k
     for f in range(n):
-        w, k, amplitude = weights[f], kind[f], mean[f, AMPLITUDE]
+        w, k, amplitude = weights[WHOLE, f], kind[f], mean[f, AMPLITUDE]
         floor = meaning.floors[k] if shape[f] != ARRIVAL else meaning.floors[len(meaning.floors) - 1]
         place = meaning.states[k] if abs(amplitude) >= floor and k >= 0 else healthy
         if shape[f] == ON_OFF and filters.shown[f] & (filters.shown[f] - 1) == 0:
@@ -74,13 +78,12 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums,
                 together[first, second] += w
             place = first
             _add(moments[meaning.setting_quantity], w, change, covariance[f, SETTING, SETTING])
-        of_all[place] += w
-        if shape[f] == ARRIVAL:
-            changed[healthy] += w
-            if place != healthy:
-                arrived += w
-        else:
-            changed[place] += w
+        since_first = healthy if shape[f] == ARRIVAL else place
+        for way in range(N_WAYS):
+            of_all[way, place] += weights[way, f]
+            changed[way, since_first] += weights[way, f]
+        if since_first != place:
+            arrived += w
         if k < 0 or meaning.quantities[k] < 0:
             continue
         q = meaning.quantities[k]
@@ -93,21 +96,34 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums,
 
 
 @compiled
-def _weigh(filters: Filters, n: int, signs: Integers, weights: Array, which: int, exponent: float) -> None:
-    """Posterior shares of the first n filters; one-sided faults by the sign that they came out with."""
+def _weigh(filters: Filters, n: int, signs: Integers, weights: Array) -> None:
+    """Posterior shares of the first n filters, each way; one-sided faults by the sign that they came out with."""
     log_evidence = filters.log_evidence
-    most = -1.0e300
     for f in range(n):
         by_data = log_evidence[f] - log_evidence[0] - filters.prior[f, STATED]
-        weights[f] = filters.prior[f, which] + exponent * by_data
-        weights[f] += _sign_evidence(filters, f, signs)
-        most = max(most, weights[f])
-    total = 0.0
-    for f in range(n):
-        weights[f] = math.exp(weights[f] - most)
-        total += weights[f]
-    for f in range(n):
-        weights[f] /= total
+        sign = _sign_evidence(filters, f, signs) - _habit(filters, f)
+        weights[WHOLE, f] = filters.prior[f, STATED] + by_data + sign
+        weights[AS_STATED, f] = filters.prior[f, STATED] + TEMPER * by_data + sign
+        weights[AS_ALIKE, f] = filters.prior[f, ALIKE] + TEMPER * by_data + sign
+    for way in range(N_WAYS):
+        most, total = weights[way, :n].max(), 0.0
+        for f in range(n):
+            weights[way, f] = math.exp(weights[way, f] - most)
+            total += weights[way, f]
+        for f in range(n):
+            weights[way, f] /= total
+
+
+@compiled
+def _habit(filters: Filters, f: int) -> float:
+    """What is held against a fault that comes and goes as long as it has hardly come: one flight is an outlier [nat]."""
+    if filters.shape[f] != ON_OFF:
+        return 0.0
+    bits, count = filters.shown[f], 0
+    while bits:
+        bits &= bits - 1
+        count += 1
+    return 0.0 if count >= _LEAST_SHOWN else _NOT_YET
 
 
 @compiled

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.evaluation.regulating import ERODED_SETTING_BAR_PER_UM, regulation
+from detectors.expectation.reduced_twin import SLIPPER_VISCOSITY
 from twin.condition import INPUTS, Health
 from twin.laws.fluid import kinematic_viscosity
 from twin.operating_point import operating_points
@@ -151,7 +152,9 @@ def fleet(
     rows[..., _column("reservoir_pressure_bar")] = reservoir
     for part in ("slipper", "piston", "port_plate"):
         spread = np.exp(np.clip(own(0.0, 0.25, (n_pumps, 1)), -0.5, 0.2))  # within the acceptance limits
-        rows[..., _column(f"{part}_leakage_scale")] = spread / batch ** (0.5 if part == "slipper" else 1.0)
+        rows[..., _column(f"{part}_leakage_scale")] = spread / batch ** (
+            SLIPPER_VISCOSITY if part == "slipper" else 1.0
+        )
     droop = np.exp(rng.uniform(np.log(0.01), np.log(0.3), (n_pumps, 1))) / DROOP_AT_NOMINAL
     rows[..., _column("droop_scale")] = droop
     setting = np.clip(own(0.0, 0.8, (n_pumps, 1)), -1.8, 1.8)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from detectors.expectation.anchor import reference_condition
 from detectors.expectation.components import INDEX, N_COMPONENTS
+from detectors.expectation.reduced_twin import SLIPPER_VISCOSITY
 from twin.condition import INPUTS, Condition, Health, input_rows
 from twin.operating_point import operating_points
 from twin.orders.surfaces import CHANNELS, OrderSurfaces, order_amplitudes, order_derivatives, order_surfaces
@@ -70,8 +71,10 @@ def ripples(
     slopes = np.zeros((len(rows), len(CHANNELS), N_COMPONENTS))
     for component, name in _MOVES.items():
         slopes[:, :, INDEX[component]] = relative[:, :, INPUTS.index(name)]
-    # thicker fluid lets less through gaps: by its square root through a throttled slipper
-    slopes[:, :, INDEX["ln_viscosity"]] = -0.5 * slopes[:, :, INDEX["ln_slipper"]] - slopes[:, :, INDEX["ln_laminar"]]
+    # thicker fluid lets less through gaps, a little less than in proportion through a throttled slipper
+    slopes[:, :, INDEX["ln_viscosity"]] = (
+        -SLIPPER_VISCOSITY * slopes[:, :, INDEX["ln_slipper"]] - slopes[:, :, INDEX["ln_laminar"]]
+    )
     reference = input_rows([reference_condition(pump)], [Health()])
     at = operating_points(pump.pump, reference, circuit)
     # leakage on top of the nominal one counts at the reference: a share of what leaks there

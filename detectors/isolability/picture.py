@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from detectors.curve.svg import ACCENT, GRID, INK, QUIET, Frame, axes, document, line, path, text
+from detectors.drawing.svg import ACCENT, GRID, INK, QUIET, Frame, axes, document, line, path, text
 from detectors.isolability.bounds import FaultBound, Isolability
 from detectors.isolability.table import Row
 

@@ -15,7 +15,7 @@ from detectors.expectation.anchor import anchors, reference_condition
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement.coverage import Coverage
 from detectors.judgement.estimates import estimates
-from detectors.judgement.events import MOVED, due, freed_by
+from detectors.judgement.events import MOVED, due, freed_by, viscosity_of
 from detectors.judgement.isolation import (
     Alarm,
     Decision,
@@ -31,7 +31,7 @@ from detectors.judgement.isolation import (
 from detectors.judgement.memory import Memory
 from detectors.judgement.plausibility import (
     IMPLAUSIBLE_FLIGHTS,
-    SATURATED_SD_BAR,
+    SATURATED_BAR,
     Doubt,
     Reference,
     case_pressure,
@@ -200,10 +200,14 @@ class Fold:
         moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
         if moved or any(previous.at < t <= observation.at for t in history.installed_at):
             self.bank.reset(MOVED)
+            self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
             self.touched = True
         for event in due(history.maintenance, previous.at, observation.at):
             self.memory = self.memory.done(event.action, event.at)
             self.bank.reset(freed_by(event))
+            filled = viscosity_of(event, self.pump)
+            if filled is not None:
+                self.bank.fill(*filled)
             self.touched = True
 
     def learn(self, observation: Observation, found: Measured) -> None:
@@ -254,6 +258,7 @@ class Fold:
         since = observation.at
         if previous is not None and previous.state is decision.state and previous.since is not None:
             since = previous.since
+        suspects_a_sensor = State.SENSOR_FAULT in (decision.state, *decision.candidates)
         shown = coming_and_going(self.bank, found, decision.state, self.memory.since)
         # what stands now neither went nor came back: it is what the state says
         vanished = self.memory.came_and_went if decision.state is State.HEALTHY else None
@@ -271,7 +276,7 @@ class Fold:
                 intermittent=shown or vanished,
                 resolved_by=self.memory.resolved,
                 case_pressure=self.case_pressure,
-                sensor=leading_sensor(self.bank, found),
+                sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
             ),
         )
 
@@ -333,6 +338,8 @@ def _measured_trend(observation: Observation, residuals: Mapping[str, Residual])
 def _lower_bound(found: Measured) -> Measured:
     """What a sensor at its full scale shows: at least that, give or take what a blocked drain may add."""
     *rest, last = found.measurements
-    noise = last.noise.copy()
-    noise[CASE, CASE] += SATURATED_SD_BAR**2
-    return replace(found, measurements=(*rest, replace(last, noise=noise)))
+    values, noise = last.values.copy(), last.noise.copy()
+    above, sd = SATURATED_BAR
+    values[CASE] += above
+    noise[CASE, CASE] += sd**2
+    return replace(found, measurements=(*rest, replace(last, values=values, noise=noise)))

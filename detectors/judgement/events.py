@@ -8,12 +8,15 @@ from collections.abc import Mapping
 from datetime import datetime
 
 from detectors.words.observation import Maintenance
+from twin.parameters import PumpType
+from twin.pumps.fluids import FLUIDS, PRODUCTS, ln_viscosity_ratio
 
 Freed = Mapping[str, float | None]
 """Components made unknown: None for as unknown as in any pump of the population, or by how much they may differ."""
 
 _POPULATION = None
-_FLUID: Freed = {"ln_viscosity": _POPULATION}
+_FLUID: Freed = {"ln_viscosity": _POPULATION, "setting": 0.5}
+"""The spool's jet forces follow the fluid: a product half as viscous regulates half a bar lower (operating point)."""
 _CLOGS: Freed = {"drain_extra": _POPULATION, "drain_viscous": _POPULATION, "drain_orifice": _POPULATION}
 """What clogs the drain ends with the work on it, whatever its law."""
 _CASE_SENSOR: Freed = {"case_offset": _POPULATION, "case_span": _POPULATION}
@@ -38,6 +41,11 @@ _WEARING = ("ln_slipper", "ln_laminar", "throttled", "bleed", "slipper_extra", "
 _REGULATING = ("setting", "softening", "ln_droop")
 _RIPPLE = ("ln_ripple", "ln_case_ripple", "once")
 _PUMP: Freed = dict.fromkeys((*_WEARING, *_REGULATING, *_RIPPLE), _POPULATION)
+_WINDOW_DEGC = 60.0
+"""Temperature at which products are compared: where windows lie."""
+_BATCH_SD, _FAMILY_SD = 0.04, 0.25
+"""Spread of the logarithm of viscosity between batches of one product (study), and where nobody said which product it is
+(estimate: half of what lies between the thinnest and the usual one)."""
 MOVED: Freed = {**_POSITION, **_FLUID, **_CASE_SENSOR, **_RESERVOIR_SENSOR, **_DISCHARGE_SENSOR}
 """Another aircraft or position, with its own drain, fluid and sensors."""
 _ACTIONS: Mapping[str, Freed] = {
@@ -63,6 +71,21 @@ def freed_by(entry: Maintenance) -> Freed:
     if entry.action == "sensor_replaced":
         return _SENSORS.get(entry.channel, {})
     return _ACTIONS.get(entry.action, {})
+
+
+def viscosity_of(entry: Maintenance, pump: PumpType) -> tuple[float, float] | None:
+    """Logarithm of the viscosity after an entry over that of the twin's fluid, and how far it may be off.
+
+    None where the entry names no product, or one that the twin has no properties of: then a fresh batch of an unknown
+    product is as wide as the family of fluids.
+    """
+    assumed = next((name for name, fluid in FLUIDS.items() if fluid == pump.pump.fluid), None)
+    if entry.action != "fluid_changed":
+        return None
+    if entry.fluid not in PRODUCTS or assumed is None:
+        return 0.0, _FAMILY_SD
+    ratio = ln_viscosity_ratio(entry.fluid, assumed, _WINDOW_DEGC)
+    return ratio, max(PRODUCTS[entry.fluid].viscosity_sd(_WINDOW_DEGC), _BATCH_SD)
 
 
 def due(maintenance: tuple[Maintenance, ...], after: datetime, until: datetime) -> list[Maintenance]:

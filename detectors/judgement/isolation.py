@@ -2,16 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
-from typing import NamedTuple
 
 import numpy as np
 
 from detectors.bank.bank import ARRIVAL_FLOOR_LPM, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
-from detectors.bank.shapes import ALIKE, N_MOMENTS, ON_OFF, REMEMBERED, STATED, Array, Meaning, Sums
-from detectors.bank.summary import TEMPER, summed
+from detectors.bank.shapes import N_MOMENTS, N_WAYS, ON_OFF, REMEMBERED, WHOLE, Array, Meaning, Sums
+from detectors.bank.summary import summed
 from detectors.words.verdict import CAUSES, FAULTS, SIDE_OF, Fit, Intermittent, Side, State
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
@@ -21,12 +20,14 @@ QUANTITIES: Mapping[str, tuple[str, ...]] = {
     "drain_resistance_change_percent": ("drain_extra",),
 }
 """Estimated changes, and the components that they are counted in."""
-WORN_PROBABILITY = 0.5
+WORN_PROBABILITY = 0.75
 WORN_RECORDS = 4
 """Probability of having arrived worn, and records in a row above it, from which a pump is called so."""
 _FITS, _FEWEST = 0.6, 5
 """Share of the last records that health must explain, and records below which nothing is said of it (our choice: good records
 miss once in 16,000, foreign laws and outliers a few times in a hundred)."""
+_SURE = 0.98
+"""Share of one cause under either prior beyond which nobody is told that the data cannot tell."""
 _KEPT = 0.82
 """Share of its level down to which what is named keeps its name."""
 _FAULTS_OF: Mapping[Side, tuple[State, ...]] = {
@@ -41,9 +42,8 @@ class Evidence:
     ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
     ``weights`` are the filters' shares, shape (m,); ``shares`` are those of the faults and of ``other`` among what
     changed since the first record, ``surely`` the least of them under either prior; ``arrival`` is the probability that
-    the pump came worn; ``early`` says that the
-    likeliest change set in before the baseline stood;
-    ``together`` holds the shares of two faults by the first and the second, shape (n, n) in the order of ``FAULTS``;
+    the pump came worn; ``early`` says that the likeliest change set in before the baseline stood; ``together`` holds the
+    shares of two faults by the first and the second, shape (n, n) in the order of ``FAULTS``;
     ``moments`` belong to ``QUANTITIES`` (``detectors.bank.shapes.Sums``).
     """
 
@@ -75,6 +75,10 @@ class Alarm:
     side_for: int = 0
     worn_for: int = 0
 
+    def moved(self, records: int) -> "Alarm":
+        """In another aircraft: who was not called worn before is not within the next ``records``, its drain is unknown."""
+        return self if self.worn_for >= WORN_RECORDS else replace(self, worn_for=-records)
+
 
 @dataclass(frozen=True, slots=True)
 class Decision:
@@ -91,46 +95,32 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     meaning = _MEANING._replace(floors=floors)
     # what regulation shows is independent of the means: it stands against the pump that is healthy by them
     odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
-    stated, arrival, sums = _summed(bank, meaning, odds, STATED, 1.0)
-    causes, _, _ = _summed(bank, meaning, odds, STATED, TEMPER)
-    neutral, _, _ = _summed(bank, meaning, odds, ALIKE, TEMPER)
-    changed, healthy = stated.changed[:-1], stated.changed[-1]
-    shares, alike = _shares(causes.changed[:-1]), _shares(neutral.changed[:-1])
-    return Evidence(
-        # how a pump came is a question of its own: an alarm is raised by what changed since
-        log_odds=math.log(max(sum(changed), 1.0e-300)) - math.log(max(healthy, 1.0e-300)),
-        probabilities=_probabilities(stated.of_all, causes.of_all, neutral.of_all),
-        weights=sums.weights,
-        shares=dict(zip(_CHANGES, (0.5 * (a + b) for a, b in zip(shares, alike, strict=True)), strict=True)),
-        surely=dict(zip(_CHANGES, map(min, shares, alike), strict=True)),
-        arrival=arrival,
-        early=bool(bank.filters.onset[int(sums.weights.argmax())] < thresholds["baseline_records"]),
-        together=sums.together,
-        moments=sums.moments,
-    )
-
-
-class _ByState(NamedTuple):
-    """Sums by state, in the order of the faults, ``other`` and ``healthy``."""
-
-    of_all: list[float]
-    changed: list[float]
-
-
-def _summed(bank: Bank, meaning: Meaning, odds: float, prior: int, exponent: float) -> tuple[_ByState, float, Sums]:
-    """What the bank says under one prior: by state, the probability of having come worn, and the sums themselves."""
     sums = Sums(
-        weights=np.empty(bank.n),
-        of_all=np.empty(len(FAULTS) + 2),
-        changed=np.empty(len(FAULTS) + 2),
+        weights=np.empty((N_WAYS, bank.n)),
+        of_all=np.empty((N_WAYS, len(_CHANGES) + 1)),
+        changed=np.empty((N_WAYS, len(_CHANGES) + 1)),
         together=np.empty((len(FAULTS), len(FAULTS))),
         moments=np.empty((len(QUANTITIES), N_MOMENTS)),
     )
-    arrival = summed(bank.filters, bank.n, bank.records, meaning, sums, prior, exponent)
-    by_state = _ByState(sums.of_all.tolist(), sums.changed.tolist())
-    for values in by_state:
-        values[_COMPENSATOR] += values[-1] * odds
-    return by_state, arrival, sums
+    arrival = summed(bank.filters, bank.n, bank.records, meaning, sums)
+    for by_state in (sums.of_all, sums.changed):
+        by_state[:, _COMPENSATOR] += by_state[:, -1] * odds
+    whole, stated, neutral = sums.of_all.tolist()
+    changed, by_stated, by_neutral = sums.changed.tolist()
+    shares, alike = _shares(by_stated[:-1]), _shares(by_neutral[:-1])
+    weights = sums.weights[WHOLE]
+    return Evidence(
+        # how a pump came is a question of its own: an alarm is raised by what changed since
+        log_odds=math.log(max(sum(changed[:-1]), 1.0e-300)) - math.log(max(changed[-1], 1.0e-300)),
+        probabilities=_probabilities(whole, stated, neutral),
+        weights=weights,
+        shares=dict(zip(_CHANGES, (0.5 * (a + b) for a, b in zip(shares, alike, strict=True)), strict=True)),
+        surely=dict(zip(_CHANGES, map(min, shares, alike), strict=True)),
+        arrival=arrival,
+        early=bool(bank.filters.onset[int(weights.argmax())] < thresholds["baseline_records"]),
+        together=sums.together,
+        moments=sums.moments,
+    )
 
 
 def _probabilities(whole: Sequence[float], stated: Sequence[float], neutral: Sequence[float]) -> dict[State, float]:
@@ -145,7 +135,9 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
 
     What is named must lead under the stated and under the shape-neutral prior: where they disagree, the prior would decide.
     """
-    worn_for = alarm.worn_for + 1 if found.arrival > WORN_PROBABILITY else 0
+    worn_for = alarm.worn_for + 1
+    if found.arrival <= WORN_PROBABILITY:
+        worn_for = min(worn_for, 0)
     above = alarm.above + 1 if found.log_odds > thresholds["alarm_on_log_odds"] else 0
     raised = above >= thresholds["alarm_records"] or (
         alarm.raised and found.log_odds >= thresholds["alarm_off_log_odds"]
@@ -166,7 +158,7 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
         return following, Decision(State.PUMP_DEGRADATION)
     if not raised:
         return following, Decision(State.HEALTHY)
-    if state_for >= records and leader is not State.OTHER:
+    if (state_for >= records or surely[leader] > _SURE) and leader is not State.OTHER:
         return following, Decision(leader)
     # a side with a single fault leaves nothing to be undecided about, so it waits for its state
     rivals = _FAULTS_OF[side] if side_for >= records and len(_FAULTS_OF[side]) > 1 else _CHANGES
@@ -177,8 +169,8 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
 
 
 def _level(share: float, found: Evidence) -> float:
-    """Share that a name needs: ten times as sure where the change set in before the pump's own reference stood."""
-    return 1.0 - 0.1 * (1.0 - share) if found.early else share
+    """Share that a name needs: surer where the change set in before the pump's own reference stood."""
+    return max(share, _SURE) if found.early else share
 
 
 def _led_for(share: float, level: float, before: int, records: float) -> int:

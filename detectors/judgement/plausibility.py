@@ -31,8 +31,9 @@ _FOLLOWS = 0.5
 follows bar for bar."""
 _NEARLY = 0.8
 """Share of its full scale that the likeliest cause must expect for a sensor that stands there to be believed."""
-SATURATED_SD_BAR = 0.7
-"""How far above a sensor's full scale the pressure may be (estimate: a drain blocked tenfold reaches 5.4 bar of 5 at 80 degC)."""
+SATURATED_BAR = (0.4, 0.4)
+"""How far above a sensor's full scale the pressure is when it stands there, and how far that may be off (estimate: a drain
+blocked tenfold reaches 5.4 bar of 5 at 80 degC)."""
 TWICE = 2.0
 """Case over reservoir pressure against this pump's own reference from which an alarm is critical, whatever the cause."""
 

@@ -80,12 +80,19 @@ class Forecast:
             return math.inf
         return float(np.interp(share, self.probability, self.hours))
 
+    def probability_within(self, hours: float) -> float:
+        """Probability that the limit is reached within some flight hours [h]; beyond the horizon at least this."""
+        if not 0.0 <= hours < math.inf:
+            raise ValueError(f"hours is {hours:g}; it must be finite and not below 0")
+        return float(np.interp(hours, self.hours, self.probability))
+
 
 @dataclass(frozen=True, slots=True)
 class NoForecast:
-    """Why no forecast is honest."""
+    """Why no forecast is honest; ``beyond`` is the probability that the level has crossed its limit, None if none was followed."""
 
     reason: str
+    beyond: float | None = None
 
 
 def forecast(
@@ -128,9 +135,11 @@ def forecast(
     level = float(weight @ filters.level)
     above = float(weight @ ndtr((filters.level - limit) / np.sqrt(filters.p_ll)))
     if above > 0.5:
-        return NoForecast(f"the level, {level:.3g}, is already above the limit, {limit:.3g}")
+        return NoForecast(f"the level, {level:.3g}, is already above the limit, {limit:.3g}", above)
     if growing < DRIFT_PROBABILITY:
-        return NoForecast(f"no growth is evident: its probability is {growing:.2f}, {DRIFT_PROBABILITY:g} is needed")
+        return NoForecast(
+            f"no growth is evident: its probability is {growing:.2f}, {DRIFT_PROBABILITY:g} is needed", above
+        )
     return _passage(filters, weight, limit, typical_life_hours)
 
 
@@ -267,10 +276,13 @@ def _passage(f: _Filters, weight: Array, limit: float, life: float) -> Forecast 
     high = found.quantile(1.0 - tail)
     if not math.isfinite(high):
         return NoForecast(
-            f"the interval reaches beyond {horizon:.0f} flight hours: growth is too slow or too uncertain"
+            f"the interval reaches beyond {horizon:.0f} flight hours: growth is too slow or too uncertain",
+            float(probability[0]),
         )
     if high > WIDEST_RATIO * max(low, 0.01 * life):
-        return NoForecast(f"the interval is too wide to help: {low:.0f} to {high:.0f} flight hours")
+        return NoForecast(
+            f"the interval is too wide to help: {low:.0f} to {high:.0f} flight hours", float(probability[0])
+        )
     mean = float(np.trapezoid(1.0 - probability, hours))
     return Forecast(mean, low, high, hours, probability)
 

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from twin.parameters import PumpType
+
 
 @dataclass(frozen=True, slots=True)
 class ThresholdKey:
@@ -55,7 +57,7 @@ KEYS: tuple[ThresholdKey, ...] = (
     ),
     ThresholdKey("state_probability", "-", 0.97, 0.5, 0.9999, "share of one fault among all faults to be named"),
     ThresholdKey(
-        "side_records", "records", 12.0, 1.0, 50.0, "records in a row above such a share before side or fault is named"
+        "side_records", "records", 6.0, 1.0, 50.0, "records in a row above such a share before side or fault is named"
     ),
     ThresholdKey("candidate_probability", "-", 0.02, 0.001, 0.5, "share from which a fault stays a candidate"),
     ThresholdKey("case_flow_limit_lpm", "L/min", 1.5, 0.5, 20.0, "acceptance limit of case flow at zero flow, 60 degC"),
@@ -63,10 +65,11 @@ KEYS: tuple[ThresholdKey, ...] = (
         "case_pressure_limit_bar",
         "bar",
         3.5,
-        0.5,
+        0.1,
         20.0,
-        "case over reservoir pressure beyond which an alarm is critical",
+        "limit of case over reservoir pressure at zero flow: beyond it a critical alarm, whatever the cause",
     ),
+    ThresholdKey("inspection_interval_h", "h", 50.0, 1.0, 5000.0, "flight hours from one inspection to the next"),
     ThresholdKey(
         "alarm_on_delay_flights", "flights", 1.0, 1.0, 20.0, "flights in a row with a fault that raise an alarm"
     ),
@@ -84,12 +87,17 @@ KEYS: tuple[ThresholdKey, ...] = (
     ThresholdKey("alarm_shelving_maximum_h", "h", 168.0, 1.0, 2160.0, "longest time for which an alarm can be shelved"),
     ThresholdKey("sensor_shift_bar", "bar", 0.06, 0.01, 1.0, "shift of the case sensor's zero that is worth a word"),
 )
+OF_PUMP_TYPE: Mapping[str, str] = {
+    "case_flow_limit_lpm": "case_flow_lpm",
+    "case_pressure_limit_bar": "case_pressure_limit_bar",
+}
+"""Thresholds that are the pump type's own limit where no layer sets them, with that limit's name."""
 _BY_NAME = {key.name: key for key in KEYS}
 _ORDERED = (("alarm_off_log_odds", "alarm_on_log_odds"),)
 
 
-def effective(values: Mapping[str, float]) -> dict[str, float]:
-    """All thresholds with ``values`` laid over the defaults.
+def effective(values: Mapping[str, float], kind: PumpType | None = None) -> dict[str, float]:
+    """All thresholds with ``values`` laid over the limits of a pump type, and those over the defaults.
 
     Raises
     ------
@@ -99,7 +107,14 @@ def effective(values: Mapping[str, float]) -> dict[str, float]:
     faults = threshold_faults(values)
     if faults:
         raise ValueError("; ".join(f"{name}: {problem}" for name, problem in faults))
-    return {key.name: float(values.get(key.name, key.default)) for key in KEYS}
+    under = {} if kind is None else limits_of(kind)
+    return {key.name: float(values.get(key.name, under.get(key.name, key.default))) for key in KEYS}
+
+
+def limits_of(kind: PumpType) -> dict[str, float]:
+    """Thresholds that a pump type's own limits give, by key; no range holds for them, but a limit that is none is left out."""
+    found = {key: kind.limits[name].value for key, name in OF_PUMP_TYPE.items() if name in kind.limits}
+    return {key: float(value) for key, value in found.items() if value > 0.0}
 
 
 def threshold_faults(values: Mapping[str, float]) -> list[tuple[str, str]]:

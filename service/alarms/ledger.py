@@ -17,8 +17,16 @@ from service.answers.words import instant
 from service.identity import release_number
 from service.notifications.outbox import Event, announce
 from service.storage.database import Database
-from service.storage.tables import Alarm, AlarmAction, Pump, Record, StoredAssessment, case_flow_of
-from service.thresholds.layers import effective_thresholds, pump_scopes
+from service.storage.tables import (
+    Alarm,
+    AlarmAction,
+    Pump,
+    Record,
+    StoredAssessment,
+    case_flow_of,
+    case_pressure_beyond,
+)
+from service.thresholds.layers import thresholds_of
 
 
 def follow(session: Session, pump: Pump, thresholds: Mapping[str, float]) -> None:
@@ -54,7 +62,9 @@ def catch_up(database: Database) -> int:
 
     Safe to repeat: a pump that has alarms is left alone, and so is one that a newer release has judged.
     """
-    faulty = select(StoredAssessment.pump_id).where(StoredAssessment.state.not_in([s.value for s in QUIET])).distinct()
+    kept = StoredAssessment
+    is_faulty = or_(kept.state.not_in([s.value for s in QUIET]), kept.case_pressure_beyond)
+    faulty = select(kept.pump_id).where(is_faulty).distinct()
     without = ~exists().where(Alarm.pump_id == Pump.id)
     with database.reading() as session:
         ours = or_(Pump.made_by.is_(None), Pump.made_by <= release_number())
@@ -62,22 +72,25 @@ def catch_up(database: Database) -> int:
     for pump_id in pump_ids:
         with database.writing() as session:
             pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
-            layers = pump_scopes(pump.operator, pump.serial, pump.pump_type)
-            follow(session, pump, effective_thresholds(session, layers).values)
+            follow(session, pump, thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values)
     return len(pump_ids)
 
 
 def points_of(session: Session, pump_id: int) -> list[Point]:
     """What alarms need of a pump's stored assessments, in event order."""
     kept = StoredAssessment
-    columns = (kept.record_id, kept.at, Record.flight_id, kept.state, kept.side, kept.candidates, kept.case_flow_lpm)
-    query = select(*columns).join(Record, Record.id == kept.record_id).where(kept.pump_id == pump_id)
+    said = (kept.state, kept.side, kept.candidates, kept.case_flow_lpm, kept.case_pressure_beyond)
+    query = (
+        select(kept.record_id, kept.at, Record.flight_id, *said)
+        .join(Record, Record.id == kept.record_id)
+        .where(kept.pump_id == pump_id)
+    )
     rows = session.execute(query.order_by(kept.at, kept.record_id)).all()
     if any(row.side is None for row in rows):
         return _points_of_verdicts(session, pump_id)
     return [
-        Point(record_id, at, flight or record_id, state, side, tuple(candidates), case_flow)
-        for record_id, at, flight, state, side, candidates, case_flow in rows
+        Point(record_id, at, flight or record_id, state, side, tuple(candidates), case_flow, beyond)
+        for record_id, at, flight, state, side, candidates, case_flow, beyond in rows
     ]
 
 
@@ -102,6 +115,7 @@ def point_of(record_id: str, at: datetime, verdict: Verdict, flight_id: str | No
         side=verdict["side"],
         candidates=tuple(verdict["candidates"]),
         case_flow_lpm=case_flow_of(verdict),
+        case_pressure_beyond=case_pressure_beyond(verdict),
     )
 
 
@@ -155,6 +169,7 @@ def _write(row: Alarm, alarm: Life) -> None:
     row.condition = "active" if alarm.cleared_at is None else "cleared"
     row.cleared_at, row.acknowledged = alarm.cleared_at, alarm.acknowledged
     row.priority, row.beyond_limit = alarm.priority, alarm.beyond_limit
+    row.case_pressure_beyond = alarm.case_pressure_beyond
     row.verdict_state, row.side, row.candidates = alarm.state, alarm.side, list(alarm.candidates)
     row.shelved_until, row.closed_at = alarm.shelved_until, alarm.closed_at
     row.withdrawn_at, row.cause = None, None
@@ -184,6 +199,7 @@ _WATCHED = (
     "priority",
     "verdict_state",
     "beyond_limit",
+    "case_pressure_beyond",
     "shelved_until",
     "closed_at",
     "withdrawn_at",

@@ -8,19 +8,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
-from detectors.words.states import QUIET, State, row_of
+from detectors.words.states import QUIET, Side, State, row_of
 from service.answers.alarms import AlarmEvent
 
 PRIORITIES: tuple[str, ...] = ("low", "medium", "high", "critical")
-"""Rising order. Sensors are low, what cannot be told yet is medium, a named fault is high, wear beyond the pump
-type's limit is critical (``detectors.words.states``)."""
+"""Rising order. Sensors are low, what cannot be told yet is medium, a named fault is high (``detectors.words.states``);
+wear beyond the pump type's limit is critical, and so is case pressure beyond its plain rule, whatever the verdict."""
+CASE_PRESSURE = "case over reservoir pressure is at twice its own reference or beyond its limit"
+"""What an alarm's history says of the plain rule, which accuses nobody."""
 ACKNOWLEDGE, SHELVE, UNSHELVE, CLOSE = "acknowledge", "shelve", "unshelve", "close"
 _UNNAMED = (*QUIET, State.INDETERMINATE)
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """What an alarm needs of one assessment; ``case_flow_lpm`` is the case flow at the reference condition."""
+    """What an alarm needs of one assessment; ``case_flow_lpm`` is the case flow at the reference condition.
+
+    ``case_pressure_beyond`` is the plain rule's word (``detectors.words.verdict.CasePressure``).
+    """
 
     record_id: str
     at: datetime
@@ -29,6 +34,17 @@ class Point:
     side: str
     candidates: tuple[str, ...] = ()
     case_flow_lpm: float | None = None
+    case_pressure_beyond: bool = False
+
+    @property
+    def is_faulty(self) -> bool:
+        """True where the verdict names a fault or cannot tell, and where the case pressure is beyond its rule."""
+        return self.state not in QUIET or self.case_pressure_beyond
+
+    @property
+    def where_to_look(self) -> str:
+        """Side of the verdict; ``unknown`` where it names none and something is wrong all the same."""
+        return Side.UNKNOWN.value if self.side == Side.NONE and self.case_pressure_beyond else self.side
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +89,7 @@ class Life:
     candidates: tuple[str, ...]
     priority: str
     beyond_limit: bool
+    case_pressure_beyond: bool = False
     cleared_at: datetime | None = None
     acknowledged: bool = False
     shelved_until: datetime | None = None
@@ -124,6 +141,7 @@ class _Episode:
     life: Life
     levels: list[tuple[Point, bool]]
     end: Point | None = None
+    new_baseline: bool = False
 
 
 def _episodes(points: Sequence[Point], rules: Rules) -> list[_Episode]:
@@ -133,22 +151,23 @@ def _episodes(points: Sequence[Point], rules: Rules) -> list[_Episode]:
     calm: set[str] = set()
     beyond = False
     for point in points:
-        faulty = point.state not in QUIET
         beyond = _beyond(point, beyond, rules)
         if open_ is None:
-            rising = [*rising, point] if faulty else []
-            if len({p.flight_id for p in rising}) >= rules.on_flights:
+            rising = [*rising, point] if point.is_faulty else []
+            # the plain rule waits for no second flight
+            if len({p.flight_id for p in rising}) >= rules.on_flights or point.case_pressure_beyond:
                 open_ = _Episode(_raised(rising[0], point, beyond), [(point, beyond)])
                 found.append(open_)
                 rising, calm = [], set()
-        elif faulty:
+        elif point.is_faulty:
             calm = set()
             open_.levels.append((point, beyond))
         else:
             calm.add(point.flight_id)
             # a new baseline says nothing about the old one: its alarm ends here
-            if len(calm) >= rules.off_flights or point.state == "insufficient_data":
-                open_.end = point
+            new = point.state == "insufficient_data" and open_.levels[-1][0].state != "insufficient_data"
+            if len(calm) >= rules.off_flights or new:
+                open_.end, open_.new_baseline = point, new
                 open_.life = replace(open_.life, cleared_at=point.at)
                 open_ = None
     return found
@@ -160,11 +179,11 @@ def _beyond(point: Point, before: bool, rules: Rules) -> bool:
     return point.case_flow_lpm > (rules.limit_off_lpm if before else rules.limit_lpm)
 
 
-def priority_of(state: str, beyond_limit: bool) -> str:
-    """Priority of a verdict's state."""
-    if beyond_limit:
+def _priority(point: Point, beyond_limit: bool) -> str:
+    """Priority of a verdict's state; critical beyond either limit."""
+    if beyond_limit or point.case_pressure_beyond:
         return "critical"
-    return row_of(state).priority or PRIORITIES[0]
+    return row_of(point.state).priority or PRIORITIES[0]
 
 
 def _raised(first: Point, point: Point, beyond: bool) -> Life:
@@ -173,10 +192,11 @@ def _raised(first: Point, point: Point, beyond: bool) -> Life:
         raised_at=point.at,
         record_id=first.record_id,
         state=point.state,
-        side=point.side,
+        side=point.where_to_look,
         candidates=point.candidates,
-        priority=priority_of(point.state, beyond),
+        priority=_priority(point, beyond),
         beyond_limit=beyond,
+        case_pressure_beyond=point.case_pressure_beyond,
     )
 
 
@@ -192,10 +212,11 @@ def _assigned(actions: Sequence[Action], alarms: Sequence[Life]) -> dict[int, li
 
 @dataclass(slots=True)
 class _Attention:
-    """The most urgent priority and the state that somebody has dealt with."""
+    """The most urgent priority and the state that somebody has dealt with, and whether case pressure was seen beyond."""
 
     rank: int = -1
     state: str = ""
+    case_pressure: bool = False
 
 
 def _lived(episode: _Episode, actions: Sequence[Action]) -> Life:
@@ -204,7 +225,8 @@ def _lived(episode: _Episode, actions: Sequence[Action]) -> Life:
     known = _Attention()
     life = episode.life
     for i, (point, beyond) in enumerate(episode.levels):
-        life = _levelled(life, point, beyond, known) if i else _noted(life, "raised", point)
+        why = CASE_PRESSURE if point.case_pressure_beyond else None
+        life = _levelled(life, point, beyond, known) if i else _noted(life, "raised", point, reason=why)
         following = episode.levels[i + 1][0].at if i + 1 < len(episode.levels) else None
         if following is None:
             break
@@ -218,7 +240,7 @@ def _lived(episode: _Episode, actions: Sequence[Action]) -> Life:
         waiting = [a for a in waiting if a not in before]
         for action in before:
             life = _acted(life, action, known)
-        why = "a new baseline began" if episode.end.state == "insufficient_data" else None
+        why = "a new baseline began" if episode.new_baseline else None
         life = _noted(life, "cleared", episode.end, reason=why)
     for action in waiting:
         life = _acted(life, action, known)
@@ -226,24 +248,28 @@ def _lived(episode: _Episode, actions: Sequence[Action]) -> Life:
 
 
 def _levelled(life: Life, point: Point, beyond: bool, known: _Attention) -> Life:
-    priority = priority_of(point.state, beyond)
+    priority = _priority(point, beyond)
     rank, before = PRIORITIES.index(priority), PRIORITIES.index(life.priority)
     changed = point.state != life.state
+    pressed = point.case_pressure_beyond and not life.case_pressure_beyond
+    why = CASE_PRESSURE if pressed else None
     life = replace(
         life,
         state=point.state,
-        side=point.side,
+        side=point.where_to_look,
         candidates=point.candidates,
         priority=priority,
         beyond_limit=beyond,
+        case_pressure_beyond=point.case_pressure_beyond,
     )
     if rank > before:
-        life = _noted(life, "escalated", point)
-    elif changed or rank < before:
-        life = _noted(life, "changed", point)
-    renamed = changed and point.state not in _UNNAMED and known.state not in ("", "indeterminate", point.state)
+        life = _noted(life, "escalated", point, reason=why)
+    elif changed or pressed or rank < before:
+        life = _noted(life, "changed", point, reason=why)
+    renamed = changed and point.state not in _UNNAMED and known.state not in ("", *_UNNAMED, point.state)
     handled = life.acknowledged or life.shelved_until is not None or life.closed_at is not None
-    if handled and (rank > known.rank or (renamed and rank == known.rank)):
+    unseen = (renamed and rank == known.rank) or (pressed and not known.case_pressure)
+    if handled and (rank > known.rank or unseen):
         life = replace(life, acknowledged=False, shelved_until=None, closed_at=None)
         life = _noted(life, "reopened", point)
     return life
@@ -255,6 +281,7 @@ def _acted(life: Life, action: Action, known: _Attention) -> Life:
     covers = rank >= PRIORITIES.index(life.priority)
     known.rank = max(known.rank, rank)
     known.state = action.seen_state
+    known.case_pressure |= covers and life.case_pressure_beyond
     if action.kind == ACKNOWLEDGE and covers:
         life = replace(life, acknowledged=True)
     elif action.kind == SHELVE and covers:

@@ -60,6 +60,7 @@ def shown(row: Alarm, serial: str, pump_type: str, now: datetime | None = None) 
         "side": row.side,
         "candidates": row.candidates,
         "beyond_limit": row.beyond_limit,
+        "case_pressure_beyond": row.case_pressure_beyond,
         "onset_at": instant(row.onset_at),
         "raised_at": instant(row.raised_at),
         "record_id": row.record_id,

@@ -4,7 +4,7 @@ from typing import NotRequired
 
 from typing_extensions import TypedDict
 
-from service.answers.words import Instant, Priority, Side, State, shape
+from service.answers.words import Cause, Instant, Priority, Side, State, shape
 
 
 @shape
@@ -60,10 +60,12 @@ class Alarm(TypedDict):
     """State of the verdict that it stands for."""
     side: Side
     """Where to look."""
-    candidates: list[State]
+    candidates: list[Cause]
     """What remains possible where that state is `indeterminate`."""
     beyond_limit: bool
     """Whether the case flow is beyond its limit."""
+    case_pressure_beyond: bool
+    """Whether case over reservoir pressure is at twice its own reference or beyond its limit, whatever the cause."""
     onset_at: Instant
     """Event time of the first record that showed it."""
     raised_at: Instant

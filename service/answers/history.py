@@ -44,6 +44,10 @@ class MaintenanceEvent(TypedDict):
     """When it was done."""
     action: str
     """What was done, for example `filter_changed`."""
+    fluid: str | None
+    """Product after `fluid_changed`; null where nobody said."""
+    channel: str | None
+    """Channel of the sensor of `sensor_replaced`; null where nobody said."""
     note: str
     """Remark of who entered it."""
     recorded_at: Instant

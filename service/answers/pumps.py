@@ -44,6 +44,8 @@ class Pump(TypedDict):
     """What remains possible where the state is `indeterminate`."""
     advice: str
     """What to do, in one sentence."""
+    case_pressure_beyond: bool
+    """Whether case over reservoir pressure is at twice its own reference or beyond its limit, whatever the cause."""
 
 
 @shape
@@ -170,35 +172,37 @@ class CurveConditions(TypedDict):
 
 @shape
 class CurveBaseline(TypedDict):
-    """How far the healthy pump's first records lie beside the twin's curve."""
+    """How far this pump without its fault lies beside the nominal twin."""
 
     dx: float
     """Shift along x [bar]."""
     dy: float
     """Shift along y [bar]."""
     records: int
-    """Number of records that it rests on (a count)."""
+    """Number of records since the pump sits where it is (a count)."""
 
 
 @shape
 class CurvePoint(TypedDict):
-    """A point of the healthy curve, with the 90 % band of healthy pumps."""
+    """This pump without its fault at one demand, with how surely that is known."""
 
     x: float
     """Discharge pressure, gauge [bar]."""
     y: float
     """Case pressure minus reservoir pressure [bar]."""
     low: float
-    """Lower end of the band of y [bar]."""
+    """Lower end of the 90 % band of y [bar]."""
     high: float
-    """Upper end of the band of y [bar]."""
+    """Upper end of the 90 % band of y [bar]."""
     system_leakage_lpm: float
     """Demand of the circuit at this point [L/min]."""
+    covariance: list[list[float]]
+    """Covariance of x and y [bar^2], shape (2, 2)."""
 
 
 @shape
 class CurveRecord(TypedDict):
-    """A record brought to the conditions."""
+    """Where the judge saw the pump after a record, brought to the conditions."""
 
     at: Instant
     """Event time of the record."""
@@ -211,8 +215,32 @@ class CurveRecord(TypedDict):
 
 
 @shape
+class CurveReading(TypedDict):
+    """A record as measured, brought to the conditions."""
+
+    at: Instant
+    """Event time of the record."""
+    x: float
+    """Discharge pressure, gauge [bar]."""
+    y: float
+    """Case pressure minus reservoir pressure, the sensor's pump-off zero taken off [bar]."""
+    y_first_zero: float
+    """The same with the zero that the sensor had in the first records at this place: a shift of it stands between [bar]."""
+
+
+@shape
+class CurvePair(TypedDict):
+    """A point of the plane."""
+
+    x: float
+    """Discharge pressure, gauge [bar]."""
+    y: float
+    """Case pressure minus reservoir pressure [bar]."""
+
+
+@shape
 class CurveDirection(TypedDict):
-    """Where a fault moves a point."""
+    """Where a fault moves this pump."""
 
     dx: float
     """Movement along x [bar]."""
@@ -220,6 +248,58 @@ class CurveDirection(TypedDict):
     """Movement along y [bar]."""
     per: str
     """Size of the fault that moves it so far, with its unit."""
+    both_ways: bool
+    """Whether the fault can go the other way as well."""
+
+
+@shape
+class CurveResidual(TypedDict):
+    """A record's case pressure beyond this pump's reference at the record's own condition."""
+
+    at: Instant
+    """Event time of the record."""
+    fluid_temperature_degc: float
+    """Fluid temperature [degC]."""
+    residual: float
+    """Case pressure beyond the reference [bar]."""
+    standard_deviation: float
+    """Of the measurement [bar]."""
+    fitted: bool
+    """Whether the laws were laid through it."""
+
+
+@shape
+class CurveLawPoint(TypedDict):
+    """A point of a law."""
+
+    fluid_temperature_degc: float
+    """Fluid temperature [degC]."""
+    residual: float
+    """What the fault adds to the case pressure there [bar]."""
+
+
+@shape
+class CurveLaw(TypedDict):
+    """What one fault would add to the case pressure over temperature, of the size that fits the newest records best."""
+
+    size: float
+    """Size of the fault, in `unit`."""
+    unit: str
+    """Unit of the size."""
+    misfit: float
+    """Root mean square by which it misses the records, in their standard deviations (a number without unit)."""
+    curve: list[CurveLawPoint]
+    """The law over the temperatures that the records span."""
+
+
+@shape
+class CurveResiduals(TypedDict):
+    """Case pressure over temperature: where a leak of the pump and a restricted drain part."""
+
+    points: list[CurveResidual]
+    """Records in event order."""
+    laws: dict[str, CurveLaw]
+    """Laws by the state that they stand for; empty where the newest records do not stand out."""
 
 
 @shape
@@ -231,10 +311,16 @@ class DamageIdentificationCurve(TypedDict):
     conditions: CurveConditions
     """The chosen conditions; default: the latest record's."""
     baseline: CurveBaseline
-    """Shift of the pump's own baseline."""
+    """Where this pump's reference lies beside the nominal twin."""
     curve: list[CurvePoint]
-    """The healthy pump under growing demand."""
+    """The reference: this pump without its fault, under growing demand."""
     points: list[CurveRecord]
-    """The pump's records in event order."""
+    """Where the judge saw the pump, record by record in event order."""
     directions: dict[str, CurveDirection]
-    """Direction of each fault by its state."""
+    """Direction of each fault by its state, from the reference at no demand."""
+    readings: list[CurveReading]
+    """The records as measured, in event order."""
+    measured_curve: list[CurvePair]
+    """Healthy points of the pump type measured near these conditions, laid to the reference's foot; empty without."""
+    residuals_by_temperature: CurveResiduals
+    """Case pressure beyond the reference over fluid temperature."""

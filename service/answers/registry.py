@@ -34,7 +34,7 @@ class Aircraft(TypedDict):
     aircraft_type: str | None
     """Type, for example `H225`."""
     fluid: str | None
-    """Product name of the hydraulic fluid; null: the twin's own."""
+    """Product name of the hydraulic fluid, which its pumps are judged with; null: the pump type's own."""
     circuit: str
     """`shared_return` or `separate_drain`."""
     sensors: list[FittedSensor]

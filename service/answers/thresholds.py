@@ -28,7 +28,13 @@ class ThresholdKey(TypedDict):
 
 
 _Origin = TypedDict(
-    "_Origin", {"from": Annotated[str, Field(description="Layer that it comes from, `default` or `scope/id`.")]}
+    "_Origin",
+    {
+        "from": Annotated[
+            str,
+            Field(description="Where it comes from: `default`, `pump-type limits`, `scope/id`."),
+        ]
+    },
 )
 
 

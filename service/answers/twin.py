@@ -70,6 +70,8 @@ class Simulation(TypedDict):
     """Id of the pump type."""
     circuit: str
     """Circuit around the pump."""
+    fluid: str | None
+    """Product name of the fluid; null: the pump type's own."""
     duration_s: float
     """Length of the run [s]."""
     sample_rate_hz: float
@@ -166,3 +168,5 @@ class Isolability(IsolabilityStudy):
     """Id of the pump type."""
     circuit: str
     """Circuit around the pump."""
+    fluid: str | None
+    """Product name of the fluid; null: the pump type's own."""

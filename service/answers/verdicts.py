@@ -220,7 +220,8 @@ class Verdict(TypedDict):
     probability_beyond_limit: NotRequired[float | None]
     """Probability (a share from 0 to 1) that the case flow at the reference condition is beyond its limit; null without records."""
     crossing: NotRequired[Crossing | None]
-    """Chance of crossing the limit before the next inspection; null where none can be given."""
+    """Chance of crossing the limit before the next inspection, computed when a pump's verdict is asked for; null where none
+    can be given, in the answer to an upload, and in lists."""
     intermittent: NotRequired[Intermittent | None]
     """A fault that comes and goes; null where none does."""
     resolved_by: NotRequired[Resolved | None]

@@ -137,6 +137,10 @@ class AsyncClient:
         """What was done to a pump."""
         return self.items(calls.maintenance(serial, operator))
 
+    async def maintain(self, serial: str, body: calls.Body, operator: str | None = None) -> MaintenanceEvent:
+        """Say what was done: ``at``, ``action``, perhaps ``fluid`` or ``channel``, ``note``."""
+        return await self.answer(calls.maintain(serial, body, operator))
+
     def findings(self, serial: str, operator: str | None = None) -> AsyncIterator[Finding]:
         """What the workshop found."""
         return self.items(calls.findings(serial, operator))

@@ -140,6 +140,12 @@ def maintenance(serial: str, operator: str | None) -> PagedCall[MaintenanceEvent
     return PagedCall(f"/pumps/{_name(serial)}/maintenance", _params({"operator": operator}))
 
 
+def maintain(serial: str, body: Body, operator: str | None) -> Call[MaintenanceEvent]:
+    """Say what was done to a pump."""
+    path = f"/pumps/{_name(serial)}/maintenance"
+    return Call("POST", path, {"params": _params({"operator": operator}), "json": dict(body)})
+
+
 def findings(serial: str, operator: str | None) -> PagedCall[Finding]:
     """What the workshop found."""
     return PagedCall(f"/pumps/{_name(serial)}/findings", _params({"operator": operator}))

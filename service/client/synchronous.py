@@ -150,6 +150,10 @@ class Client:
         """What was done to a pump."""
         return self.items(calls.maintenance(serial, operator))
 
+    def maintain(self, serial: str, body: calls.Body, operator: str | None = None) -> MaintenanceEvent:
+        """Say what was done: ``at``, ``action``, perhaps ``fluid`` or ``channel``, ``note``."""
+        return self.answer(calls.maintain(serial, body, operator))
+
     def findings(self, serial: str, operator: str | None = None) -> Iterator[Finding]:
         """What the workshop found."""
         return self.items(calls.findings(serial, operator))

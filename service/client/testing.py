@@ -167,6 +167,7 @@ class MemoryService:
             "confidence": verdict["confidence"],
             "candidates": verdict["candidates"],
             "advice": verdict["advice"],
+            "case_pressure_beyond": False,
             "installation": None,
         }
 

@@ -1,5 +1,6 @@
 """What ``casedrain analyse`` answers with, as a document and as a table."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,12 @@ if TYPE_CHECKING:
     from service.studies.offline import AnalysedPump
 
 _SHOWN = ("case_pressure_bar", "discharge_pressure_bar")
+_SAID = (
+    *("state", "side", "confidence", "probabilities", "candidates", "advice", "resolving_measurement"),
+    *("fit", "blind_spots", "probability_beyond_limit", "crossing", "intermittent", "resolved_by", "missing_evidence"),
+    "case_pressure",
+)
+"""Of the verdict in the shape of the API: what an answer says."""
 _SIGMAS_90 = 1.645
 """Half of a normal distribution's central 90 %, in standard deviations."""
 _LONGEST_NAME = 60
@@ -37,22 +44,15 @@ def analysed_pump(pump: "AnalysedPump") -> dict[str, Any]:
                 "residuals": residuals,
             }
         )
-    verdict = pump.assessments[-1].verdict
-    said = {
-        "state": verdict.state.value,
-        "side": verdict.side.value,
-        "confidence": float(verdict.confidence),
-        "probabilities": {state.value: float(p) for state, p in verdict.probabilities.items()},
-        "candidates": [state.value for state in verdict.candidates],
-        "advice": verdict.advice,
-        "resolving_measurement": verdict.resolving_measurement,
-    }
-    return {"serial": pump.serial, "verdict": said, "files": files}
+    verdict: Mapping[str, Any] = pump.verdict
+    return {"serial": pump.serial, "verdict": {name: verdict[name] for name in _SAID}, "files": files}
 
 
 def show_pump(answer: dict[str, Any], to: "Console") -> None:
     """Print a pump's answer as a table and its verdict in words."""
     from rich.table import Table  # noqa: PLC0415 - slow, and no help needs it
+
+    from service.reports.remarks import remarks  # noqa: PLC0415
 
     table = Table(title=f"Pump {shown(answer['serial'])}")
     for heading in ("file", "zero-flow window", "case residual [bar]", "discharge residual [bar]", "state"):
@@ -70,6 +70,9 @@ def show_pump(answer: dict[str, Any], to: "Console") -> None:
     say((verdict["state"], "bold"), f", side {verdict['side']}: {verdict['advice']}", to=to)
     if verdict["resolving_measurement"]:
         say(f"What would tell: {verdict['resolving_measurement']}.", to=to)
+    for remark in remarks(verdict):
+        for sentence in remark.sentences:
+            say(f"{remark.heading}: {sentence}.", to=to)
 
 
 def refusal(path: Path, problem: "Problem") -> dict[str, Any]:

@@ -263,9 +263,10 @@ def analyse(
     """Analyse files without a server: windows, verdict and picture per pump.
 
     With --json: {"pumps": [{"serial", "verdict", "files", "picture"}], "refused": [{"file", "detail", "errors"}]}. A
-    verdict has state, side, confidence, probabilities, candidates, advice and resolving_measurement; a file has file,
-    state, zero_flow_s (start and end, or null), explanation and residuals: per channel value and standard_deviation
-    [bar]. Errors have where and problem.
+    verdict has state, side, confidence, probabilities, candidates, advice, resolving_measurement, fit, blind_spots,
+    probability_beyond_limit, crossing, intermittent, resolved_by, missing_evidence and case_pressure, as the API gives
+    them; a file has file, state, zero_flow_s (start and end, or null), explanation and residuals: per channel value and
+    standard_deviation [bar]. Errors have where and problem.
     """
     from detectors.curve.picture import curve_svg  # noqa: PLC0415 - heavy, and only here
     from service.ingest.decode import Limits  # noqa: PLC0415

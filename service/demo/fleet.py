@@ -39,12 +39,13 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class DemoPump:
-    """One pump with its place and its truth."""
+    """One pump with its place, its truth and the product that its aircraft is filled with (None: the type's own)."""
 
     serial: str
     aircraft: str
     position: str
     truth: Truth
+    fluid: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +124,7 @@ def pump_records(pump: DemoPump, n_flights: int, seed: int) -> Iterator[DemoReco
             fluid_temperature_degc=float(rng.uniform(25.0, 72.0)),
             reservoir_pressure_bar=float(np.clip(rng.normal(0.5, 0.15), 0.05, None)),
             health=pump.truth.fault(own, share),
+            fluid=pump.fluid,
         )
         recording = flight(plan, flight_sensors, rng)
         flight_id = f"{pump.aircraft}-{at:%Y%m%d}"

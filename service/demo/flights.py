@@ -14,6 +14,7 @@ import numpy as np
 from twin.condition import INPUTS, Condition, Health, input_rows
 from twin.operating_point import operating_points
 from twin.pumps import circuit_parameters, pump_type
+from twin.pumps.fluids import with_fluid
 from twin.recording import Recording
 from twin.simulation.instrumentation import SensorModel, measured
 
@@ -24,12 +25,13 @@ DRAIN_WEIGHTS = {"drain_viscosity_weight_change": 0.4, "drain_flow_weight_change
 
 @dataclass(frozen=True, slots=True)
 class FlightPlan:
-    """What makes one flight differ from the next."""
+    """What makes one flight differ from the next; ``fluid`` is a product, None for the pump type's own."""
 
     started_at: datetime
     fluid_temperature_degc: float
     reservoir_pressure_bar: float
     health: Health
+    fluid: str | None = None
 
 
 def flight(plan: FlightPlan, sensors: Mapping[str, SensorModel], rng: np.random.Generator) -> Recording:
@@ -83,7 +85,8 @@ def _pressures(
         ("discharge_flow_lpm", possible),
     ):
         rows[:, INPUTS.index(name)] = values
-    points = operating_points(pump_type("h225").pump, rows, circuit_parameters("shared_return"))
+    pump = with_fluid(pump_type("h225"), plan.fluid).pump
+    points = operating_points(pump, rows, circuit_parameters("shared_return"))
     discharge = np.full(len(speed), plan.reservoir_pressure_bar + rng.uniform(0.0, 15.0))  # trapped, as on a real line
     case = np.full(len(speed), plan.reservoir_pressure_bar)
     discharge[turning] = np.nan_to_num(points.value("discharge_pressure_bar"), nan=100.0)

@@ -101,6 +101,7 @@ def knowledge(
     name = pump_type_name or name
     kind = held_type(session, pump.operator, name)
     thresholds = thresholds or thresholds_of(session, pump.operator, pump.serial, name, known_at)
+    healthy = healthy_curve(session, pump.operator, name, known_at)
     intervals = installation_intervals(session, pump.id, known_at)
     placed: list[PlacedRecord] = []
     anew: dict[str, RecordAnalysis] = {}
@@ -118,6 +119,8 @@ def knowledge(
             aircraft[place.aircraft] = registry_values(session, pump.operator, "aircraft", place.aircraft, known_at)
         setting = setting_at(aircraft[place.aircraft], row.started_at)
         flags = place.flags + _record_flags(row, name, registered, setting)
+        if healthy is not None and not setting.has_own_fluid(kind):
+            flags += (f"the measured healthy curve is not one with {setting.fluid}: judged against the twin",)
         if setting not in keys:
             keys[setting] = analysis_key(kind, setting, thresholds)
         outline = without_outline.get(row.id) or _stored_outline(row)
@@ -129,8 +132,7 @@ def knowledge(
                 anew[row.id], outline = analysis, ReductionOutline.of(analysis.reduction)
         placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
     placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
-    maintenance = tuple(Maintenance(e.at, e.action) for e in entries(session, MaintenanceEvent, pump.id, known_at))
-    healthy = healthy_curve(session, pump.operator, name, known_at)
+    maintenance = _maintenance(session, pump.id, known_at)
     known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy)
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
     return Knowledge(known, name, thresholds, anew, hours)
@@ -215,6 +217,13 @@ def entries(
             table.recorded_at <= known_at, or_(table.withdrawn_at.is_(None), table.withdrawn_at > known_at)
         )
     return session.scalars(query.order_by(table.row_id)).all()
+
+
+def _maintenance(session: Session, pump_id: int, known_at: datetime | None) -> tuple[Maintenance, ...]:
+    """What was done to a pump, in an order that does not depend on when it was entered."""
+    found = entries(session, MaintenanceEvent, pump_id, known_at)
+    events = (Maintenance(e.at, e.action, e.fluid, e.channel) for e in found)
+    return tuple(sorted(events, key=lambda m: (m.at, m.action, m.fluid or "", m.channel or "")))
 
 
 def installation_intervals(session: Session, pump_id: int, known_at: datetime | None = None) -> list[Interval]:

@@ -42,6 +42,10 @@ class Known:
     installation_changes: tuple[datetime, ...] = ()
     healthy: HealthyCurve | None = None
 
+    def healthy_in(self, setting: Setting) -> HealthyCurve | None:
+        """The measured curve where it holds: it was measured with the pump type's own fluid."""
+        return self.healthy if setting.has_own_fluid(self.kind) else None
+
 
 def pieces(placed: Sequence[PlacedRecord]) -> list[tuple[int, int]]:
     """Stretches of equal settings as (start, end)."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from twin.parameters import Circuit, PumpType, Sensor
 from twin.pumps import circuit_parameters
-from twin.pumps.fluids import FLUIDS
+from twin.pumps.fluids import FLUIDS, with_fluid
 
 DEFAULT_CIRCUIT = "shared_return"
 """Circuit of an aircraft of which the registry says nothing."""
@@ -55,10 +55,12 @@ class Setting:
             accuracy = usual.accuracy_fs if fitted.accuracy_percent is None else fitted.accuracy_percent / 100.0
             ratio = usual.repeatability_fs / usual.accuracy_fs if usual.accuracy_fs > 0.0 else 1.0
             sensors[fitted.channel] = Sensor(fitted.full_scale_bar, accuracy, ratio * accuracy)
-        pump = base.pump
-        if self.fluid is not None and self.fluid in FLUIDS:
-            pump = pump._replace(fluid=FLUIDS[self.fluid])
-        return replace(base, sensors=sensors, pump=pump)
+        filled = base if self.unknown_fluid is not None else with_fluid(base, self.fluid)
+        return replace(filled, sensors=sensors)
+
+    def has_own_fluid(self, base: PumpType) -> bool:
+        """Whether the aircraft's fluid is the pump type's own, as far as anybody knows."""
+        return self.fluid is None or FLUIDS.get(self.fluid, base.pump.fluid) == base.pump.fluid
 
 
 def setting_at(aircraft: Mapping[str, Any], at: datetime) -> Setting:

@@ -50,11 +50,16 @@ def _of_piece(known: Known, first: int, end: int, versions: tuple[object, ...]) 
     return links[1:]
 
 
-def _between(known: Known, a: PlacedRecord, b: PlacedRecord) -> list[tuple[str, str]]:
+def _between(known: Known, a: PlacedRecord, b: PlacedRecord) -> list[tuple[str, ...]]:
     """What happened to the pump between two records."""
     after, until = a.outline.at, b.outline.at
-    changes = [(t.isoformat(), "installation") for t in known.installation_changes if after < t <= until]
-    return sorted(changes + [(m.at.isoformat(), m.action) for m in known.maintenance if after < m.at <= until])
+    happened: list[tuple[str, ...]] = [
+        (t.isoformat(), "installation") for t in known.installation_changes if after < t <= until
+    ]
+    happened += [
+        (m.at.isoformat(), m.action, m.fluid or "", m.channel or "") for m in known.maintenance if after < m.at <= until
+    ]
+    return sorted(happened)
 
 
 def _link(*parts: Any) -> str:

@@ -63,7 +63,8 @@ def steps(
         else:
             # other surroundings: the whole history so far is seen with them
             kind = setting.pump_type(known.kind)
-            held, begin = Fold(kind, setting.circuit_parameters, known.thresholds, known.healthy), 0
+            healthy = known.healthy_in(setting)
+            held, begin = Fold(kind, setting.circuit_parameters, known.thresholds, healthy), 0
         outlines = [p.outline for p in known.placed[:end]]
         roles = roles_of(outlines)
         ids = [o.record_id for o in outlines[begin:]]

@@ -223,8 +223,9 @@ def _known(session: Session, archive: Archive, pump: Pump, wanted: Wanted | None
         return knowledge(session, pump, archive, reduce_anew=reduce_anew)
     kind = wanted.pump_type
     number = newest_number(session) if wanted.threshold_version is None else wanted.threshold_version
-    layers = pump_scopes(pump.operator, pump.serial, kind or pump.pump_type)
-    thresholds = effective_thresholds(session, layers, up_to=number)
+    name = kind or pump.pump_type
+    layers, held = pump_scopes(pump.operator, pump.serial, name), held_type(session, pump.operator, name)
+    thresholds = effective_thresholds(session, layers, up_to=number, kind=held)
     return knowledge(session, pump, archive, thresholds=thresholds, reduce_anew=reduce_anew, pump_type_name=kind)
 
 

@@ -21,6 +21,8 @@ from service.monitoring import snapshots
 from service.monitoring.chain import chain
 from service.monitoring.fold import fold, steps
 from service.monitoring.precedence import left_to_newer, take_over
+from service.reading.forecast import crossed
+from service.reading.queries import TrendOfRecord
 from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
 
 
@@ -111,8 +113,21 @@ def verdict_known_at(
     assessments = [a for a in fold(found.known, found.observations(session)) if at is None or a.at <= at]
     if not assessments:
         return empty_verdict(found.known.kind, found.thresholds)
-    verdict, made_by = assessments[-1].verdict, software().to_json()
-    return verdict_to_json(verdict, found.twin_version, found.thresholds.version, made_by)
+    last, made_by = assessments[-1].verdict, software().to_json()
+    verdict = verdict_to_json(last, found.twin_version, found.thresholds.version, made_by)
+    placed = {p.outline.record_id: p.outline for p in found.known.placed}
+    trends = [
+        TrendOfRecord(
+            at=a.at,
+            aircraft=placed[a.record_id].aircraft,
+            position=placed[a.record_id].position,
+            flight_hours=found.flight_hours.get(a.record_id),
+            state=a.verdict.state.value,
+            trend=trend_to_json(a.trend),
+        )
+        for a in assessments
+    ]
+    return crossed(verdict, trends, found.known.installation_changes, found.thresholds.values)
 
 
 def _outline_older(session: Session, pump: Pump) -> None:

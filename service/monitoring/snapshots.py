@@ -46,9 +46,8 @@ def start_of(session: Session, pump_id: int, known: Known, links: Sequence[str],
         row = session.get_one(FoldSnapshot, row_id)
         setting = known.placed[records - 1].setting
         try:
-            fold = fold_from(
-                row.content, setting.pump_type(known.kind), setting.circuit_parameters, known.thresholds, known.healthy
-            )
+            kind, healthy = setting.pump_type(known.kind), known.healthy_in(setting)
+            fold = fold_from(row.content, kind, setting.circuit_parameters, known.thresholds, healthy)
         except ValueError as error:
             log.warning("snapshot ignored", pump_id=pump_id, records=records, problem=str(error))
             continue

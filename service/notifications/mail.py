@@ -32,7 +32,9 @@ def send(settings: Settings, address: str, message_id: str, payload: Mapping[str
 def _mail(settings: Settings, address: str, message_id: str, payload: Mapping[str, Any]) -> EmailMessage:
     alarm = payload["data"]
     words = str(payload["type"]).removeprefix("alarm.")
-    state = str(alarm["verdict_state"]).replace("_", " ")
+    state = verdict = str(alarm["verdict_state"]).replace("_", " ")
+    if alarm["case_pressure_beyond"]:
+        state = f"case pressure, {state}"
     mail = EmailMessage()
     # serial numbers come from files: no line break of theirs may become a header or a line of its own
     serial = " ".join(str(alarm["pump_serial"]).split())
@@ -42,9 +44,13 @@ def _mail(settings: Settings, address: str, message_id: str, payload: Mapping[st
     mail["Message-ID"] = f"<{message_id}@casedrain>"
     lines = [
         f"Alarm {words}: pump {serial} of operator {alarm['operator']}",
-        f"Verdict: {state} (side: {alarm['side']}), priority {alarm['priority']}",
+        f"Verdict: {verdict} (side: {alarm['side']}), priority {alarm['priority']}",
         f"Since: {alarm['onset_at']}",
     ]
+    if alarm["case_pressure_beyond"]:
+        lines.append(
+            "Case over reservoir pressure is at twice its own reference or beyond its limit, whatever the cause"
+        )
     if alarm["candidates"]:
         lines.append("Remaining candidates: " + ", ".join(c.replace("_", " ") for c in alarm["candidates"]))
     if settings.public_url:

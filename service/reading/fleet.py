@@ -10,7 +10,7 @@ from service.answers.words import instant
 from service.reading import queries
 from service.reading.ranking import by_state
 from service.reading.silence import Silence, silent_pumps
-from service.storage.tables import Pump, StoredAssessment
+from service.storage.tables import Pump, StoredAssessment, case_pressure_beyond
 
 
 def pump_documents(session: Session, rows: list[Pump]) -> list[answers.Pump]:
@@ -54,6 +54,7 @@ def _pump(
         "confidence": verdict["confidence"],
         "candidates": verdict["candidates"],
         "advice": verdict["advice"],
+        "case_pressure_beyond": case_pressure_beyond(verdict),
     }
 
 

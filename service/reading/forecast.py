@@ -1,4 +1,5 @@
-"""Forecast of one pump: flight hours until the case flow at the reference condition reaches its limit.
+"""Forecast of one pump: flight hours until the case flow at the reference condition reaches its limit, and the chance
+that it does before the next inspection.
 
 The trend's points are posteriors of one running estimate: neighbours share almost all of their error. Every fifth
 record stands for its neighbours. What even distant ones share, the error of the baseline, is no noise that averages out:
@@ -6,7 +7,7 @@ it is laid on the limit (as a mixture over its quantiles), and most of it is tak
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -18,6 +19,7 @@ from detectors.words.numbers import Z_90
 from detectors.words.verdict import State
 from service.answers.pumps import FlightHours
 from service.answers.pumps import Forecast as Forecasted
+from service.answers.verdicts import Crossing, Verdict
 from service.history.knowledge import installation_intervals
 from service.history.placement import changes
 from service.reading import queries
@@ -46,6 +48,49 @@ class TrendPoint:
     standard_deviation: float
 
 
+def with_crossing(session: Session, pump: Pump, verdict: Verdict, at: datetime | None = None) -> Verdict:
+    """A stored verdict with the chance of crossing the limit before the next inspection, as of an event time."""
+    thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values
+    rows = [r for r in queries.trends_of_records(session, pump.id) if at is None or r.at <= at]
+    return crossed(verdict, rows, changes(installation_intervals(session, pump.id)), thresholds)
+
+
+def crossed(
+    verdict: Verdict, rows: Sequence[TrendOfRecord], entered: Sequence[datetime], thresholds: Mapping[str, float]
+) -> Verdict:
+    """A verdict with its ``crossing``, from the pump's records up to it in event order; null where none can be given.
+
+    Whatever lies beyond the limit already has crossed it: the chance is never below ``probability_beyond_limit``.
+    """
+    limit, interval = thresholds["case_flow_limit_lpm"], thresholds["inspection_interval_h"]
+    points = [p for p in map(_point, _since_installation(rows, entered)) if p is not None]
+    chance = crossing_of_trend(points, limit, interval)
+    beyond = verdict.get("probability_beyond_limit")
+    if beyond is not None and (chance is not None or beyond > 0.5):
+        chance = max(beyond, chance or 0.0)
+    found: Crossing | None = None
+    if chance is not None:
+        found = {"within_flight_hours": interval, "probability": chance}
+    return {**verdict, "crossing": found}
+
+
+def crossing_of_trend(points: Sequence[TrendPoint], limit: float, within_h: float) -> float | None:
+    """Probability that the level crosses the limit within some flight hours [h]; None where no forecast can be given.
+
+    Where the error that all records share puts the limit out of a forecast's reach, what has crossed already counts.
+    """
+    parts = _parts(points, limit)
+    if isinstance(parts, NoForecast):
+        return None
+    middle = parts.given[1]
+    if isinstance(middle, NoForecast) and (middle.beyond is None or middle.beyond <= 0.5):
+        return None
+    chances = [
+        part.probability_within(within_h) if isinstance(part, Forecast) else part.beyond or 0.0 for part in parts.given
+    ]
+    return float(np.dot([share for _, share in _NODES], chances))
+
+
 def forecast_of(session: Session, pump: Pump) -> Forecasted:
     """Forecast in the shape of the API: flight hours with their 90 % interval, or the reason why there are none."""
     limit = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values["case_flow_limit_lpm"]
@@ -68,8 +113,34 @@ def forecast_of(session: Session, pump: Pump) -> Forecasted:
     return document | {"flight_hours": hours, "median_flight_hours": found.quantile(0.5)}
 
 
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """A forecast for each node of the error that all records share [L/min]."""
+
+    given: Sequence[Forecast | NoForecast]
+    shared: float
+
+
 def forecast_of_trend(points: Sequence[TrendPoint], limit: float) -> Forecast | NoForecast:
     """Forecast from points in event order, all of one installation."""
+    parts = _parts(points, limit)
+    if isinstance(parts, NoForecast):
+        return parts
+    given = [part for part in parts.given if isinstance(part, Forecast)]
+    if len(given) == len(parts.given):
+        return _mixed(given)
+    _, middle, nearest = parts.given
+    if isinstance(middle, NoForecast):
+        return middle
+    if isinstance(nearest, NoForecast):
+        return NoForecast(
+            f"the limit of {limit:g} L/min lies within the error of the estimate, {Z_90 * parts.shared:.2g} L/min"
+        )
+    return NoForecast("the interval is too wide to help: the estimate's own error could put the limit out of reach")
+
+
+def _parts(points: Sequence[TrendPoint], limit: float) -> _Parts | NoForecast:
+    """Forecasts with the limit at each node of the shared error, or why there is not even one."""
     fewest = SPACING * (FEWEST_ESTIMATES - 1) + 1
     if len(points) < fewest:
         return NoForecast(
@@ -90,25 +161,14 @@ def forecast_of_trend(points: Sequence[TrendPoint], limit: float) -> Forecast | 
     shared = min(p.standard_deviation for p in kept)
     common = SHARED_PART * shared**2
     estimates = [LevelEstimate(p.flight_hours, p.mean, math.sqrt(p.standard_deviation**2 - common)) for p in kept]
-    parts = [(share, forecast(estimates, limit - node * shared)) for node, share in _NODES]
-    given = [(share, part) for share, part in parts if isinstance(part, Forecast)]
-    if len(given) == len(parts):
-        return _mixed(given)
-    middle = parts[1][1]
-    if isinstance(middle, NoForecast):
-        return middle
-    if isinstance(parts[2][1], NoForecast):
-        return NoForecast(
-            f"the limit of {limit:g} L/min lies within the error of the estimate, {Z_90 * shared:.2g} L/min"
-        )
-    return NoForecast("the interval is too wide to help: the estimate's own error could put the limit out of reach")
+    return _Parts([forecast(estimates, limit - node * shared) for node, _ in _NODES], shared)
 
 
-def _mixed(parts: Sequence[tuple[float, Forecast]]) -> Forecast | NoForecast:
-    """One distribution from several on the same hours."""
-    hours = parts[0][1].hours
-    probability = np.sum([share * part.probability for share, part in parts], axis=0)
-    mean = float(sum(share * part.mean for share, part in parts))
+def _mixed(parts: Sequence[Forecast]) -> Forecast | NoForecast:
+    """One distribution from those of all nodes, on the same hours."""
+    hours = parts[0].hours
+    probability = np.sum([share * part.probability for (_, share), part in zip(_NODES, parts, strict=True)], axis=0)
+    mean = float(sum(share * part.mean for (_, share), part in zip(_NODES, parts, strict=True)))
     whole = Forecast(mean, 0.0, 0.0, hours, probability)
     if probability[-1] <= 1.0 - _TAIL:
         return NoForecast(f"the interval reaches beyond {hours[-1]:.0f} flight hours")

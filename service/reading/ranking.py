@@ -78,6 +78,12 @@ def _reasons(pump: answers.Pump, verdict: Verdict | None, alarm: Alarm | None, l
             f"case flow at the reference condition is {flow['mean']:.2f} L/min "
             f"({flow['low']:.2f} to {flow['high']:.2f}), the limit is {limit:g}"
         )
+    rule = verdict.get("case_pressure") if verdict else None
+    if rule is not None and rule["beyond"]:
+        reasons.append(
+            f"case over reservoir pressure is {rule['over_reservoir_bar']:.2f} bar, its reference {rule['reference_bar']:.2f}, "
+            f"the limit {rule['limit_bar']:g}: whatever the cause"
+        )
     if alarm is not None:
         state = f"{alarm.condition}, {'acknowledged' if alarm.acknowledged else 'not acknowledged'}"
         shelf = ", on the shelf" if is_shelved(alarm, datetime.now(UTC)) else ""

@@ -1,40 +1,87 @@
-"""Maintenance: what was done to a pump or around it, and resets what it touches."""
+"""Maintenance: what was done to a pump or around it; it frees what it names and nothing else."""
 
-from typing import Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict
+from pydantic import AfterValidator, ConfigDict, ValidationInfo, field_validator
 from sqlalchemy.orm import Session
 
 from service.answers import history as answers
 from service.answers.words import instant
 from service.bodies import Body
+from service.errors import Fault, Invalid
 from service.history.archive import Archive
 from service.monitoring.refold import Cause, refold
 from service.registry.entries import add, correct, entry, withdraw
-from service.registry.fields import Instant, Note
+from service.registry.fields import Instant, Name, Note
 from service.storage.tables import MaintenanceEvent, Pump
+from twin.pumps.fluids import FLUIDS
 
 CHANGED = "maintenance_changed"
-Action = Literal["fluid_changed", "filter_changed", "setting_adjusted", "sensor_replaced"]
+Action = Literal[
+    "filter_changed",
+    "drain_cleaned",
+    "fluid_changed",
+    "setting_adjusted",
+    "sensor_replaced",
+    "pump_overhauled",
+]
+"""What can be done, in the words of ``detectors.words.observation.ACTIONS``."""
+Channel = Literal[
+    "discharge_pressure_bar",
+    "case_pressure_bar",
+    "reservoir_pressure_bar",
+    "fluid_temperature_degc",
+    "shaft_speed_rpm",
+]
+"""Channels whose sensor can be replaced."""
+_BELONGS = {"fluid": "fluid_changed", "channel": "sensor_replaced"}
+"""Details of an entry, and the only action that each says something about."""
+
+
+def _known(product: str) -> str:
+    if product not in FLUIDS:
+        raise ValueError(f"the twin has no fluid {product}; known: {', '.join(sorted(FLUIDS))}")
+    return product
+
+
+Fluid = Annotated[Name, AfterValidator(_known)]
 
 
 class NewMaintenance(Body):
-    """What was done, and when."""
+    """What was done, and when; ``fluid`` names the product of ``fluid_changed``, ``channel`` that of ``sensor_replaced``."""
 
     model_config = ConfigDict(
-        json_schema_extra={"examples": [{"at": "2026-05-02T00:00:00Z", "action": "filter_changed"}]}
+        json_schema_extra={
+            "examples": [
+                {"at": "2026-05-02T00:00:00Z", "action": "filter_changed"},
+                {"at": "2026-05-02T00:00:00Z", "action": "sensor_replaced", "channel": "case_pressure_bar"},
+            ]
+        }
     )
     at: Instant
     action: Action
+    fluid: Fluid | None = None
+    channel: Channel | None = None
     note: Note = ""
+
+    @field_validator(*_BELONGS)
+    @classmethod
+    def _belongs(cls, value: str | None, info: ValidationInfo) -> str | None:
+        # an action that is none has been named as a fault of its own
+        action, name = info.data.get("action"), str(info.field_name)
+        if value is not None and action is not None and action != _BELONGS[name]:
+            raise ValueError(_stray(name, action))
+        return value
 
 
 class MaintenanceChange(Body):
-    """Fields of a maintenance event to set."""
+    """Fields of a maintenance event to set; another action drops the detail that belonged to the one before."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"note": "both filters"}]})
     at: Instant | None = None
     action: Action | None = None
+    fluid: Fluid | None = None
+    channel: Channel | None = None
     note: Note | None = None
 
 
@@ -48,9 +95,26 @@ def create(session: Session, pump: Pump, body: NewMaintenance, author: str, arch
 def change(
     session: Session, pump: Pump, entry_id: str, body: MaintenanceChange, author: str, archive: Archive
 ) -> MaintenanceEvent:
-    """Correct a maintenance event of a locked pump and fold it anew."""
+    """Correct a maintenance event of a locked pump and fold it anew.
+
+    Raises
+    ------
+    Invalid
+        naming every detail that does not belong to the action.
+    """
     row = entry(session, MaintenanceEvent, pump, entry_id)
-    values = {"at": row.at, "action": row.action, "note": row.note} | body.model_dump(exclude_none=True)
+    held: dict[str, Any] = {"at": row.at, "action": row.action, "note": row.note}
+    values = held | body.model_dump(include=set(held), exclude_none=True)
+    faults = []
+    for name, action in _BELONGS.items():
+        said = name in body.model_fields_set
+        values[name] = getattr(body if said else row, name)
+        if values[name] is not None and values["action"] != action:
+            if said:
+                faults.append(Fault(f"body.{name}", _stray(name, values["action"])))
+            values[name] = None
+    if faults:
+        raise Invalid(f"{len(faults)} detail(s) belong to another action; nothing was changed", faults)
     corrected = correct(session, row, pump, author, values)
     refold(session, pump, archive, Cause(CHANGED, entry_id))
     return corrected
@@ -68,7 +132,13 @@ def document(row: MaintenanceEvent) -> answers.MaintenanceEvent:
         "id": row.id,
         "at": instant(row.at),
         "action": row.action,
+        "fluid": row.fluid,
+        "channel": row.channel,
         "note": row.note,
         "recorded_at": instant(row.recorded_at),
         "author": row.author,
     }
+
+
+def _stray(name: str, action: str) -> str:
+    return f"says nothing with {action}: it belongs to {_BELONGS[name]}"

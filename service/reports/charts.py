@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from detectors.curve.svg import ACCENT, BAND, QUIET, Frame, axes, document, line, padded, path, text
+from detectors.drawing.svg import ACCENT, BAND, QUIET, Frame, axes, document, line, padded, path, text
 from service.answers.pumps import TrendPoint
 
 WIDTH, HEIGHT = 820, 250

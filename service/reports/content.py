@@ -15,7 +15,7 @@ from service.history.knowledge import entries
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
 from service.reading.fleet import pump_documents
-from service.reading.forecast import forecast_of
+from service.reading.forecast import forecast_of, with_crossing
 from service.reading.ranking import ranked
 from service.reading.trend import points_of, thinned
 from service.registry import findings
@@ -65,7 +65,7 @@ def pump_chapter(session: Session, principal: Principal, row: Pump, period: Peri
     trends = {m: thinned(points_of(assessments, m, period.since, period.until), _POINTS) for m in TRENDS}
     return {
         "pump": pump_documents(session, [row])[0],
-        "verdict": queries.verdict(session, row),
+        "verdict": with_crossing(session, row, queries.verdict(session, row)),
         "forecast": forecast_of(session, row),
         "case_flow_limit_lpm": limit,
         "trends": {metric: points for metric, points in trends.items() if points},

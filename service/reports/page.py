@@ -11,6 +11,7 @@ from detectors.words.verdict import TREND_METRICS
 from service.identity import sentence
 from service.reports.charts import trend_svg
 from service.reports.content import Period
+from service.reports.remarks import remarks
 from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 
 _TEMPLATES = Environment(
@@ -40,7 +41,9 @@ def report_html(
         subject=subject,
         period=period,
         whole=whole,
-        chapters=[{**chapter, "figures": _figures(chapter)} for chapter in ordered],
+        chapters=[
+            {**chapter, "figures": _figures(chapter), "remarks": remarks(chapter["verdict"])} for chapter in ordered
+        ],
         author=author,
         made=datetime.now(UTC),
         software=sentence(),

@@ -16,6 +16,16 @@ ESTIMATE_NAMES: Mapping[str, str] = {
     "case_flow_at_reference_lpm": "case flow at reference condition",
 }
 
+ACTION_WORDS: Mapping[str, str] = {
+    "filter_changed": "Filter of the case drain changed",
+    "drain_cleaned": "Drain cleaned",
+    "fluid_changed": "Fluid changed",
+    "setting_adjusted": "Pressure setting adjusted",
+    "sensor_replaced": "Sensor replaced",
+    "pump_overhauled": "Pump overhauled",
+}
+"""What was done, in the order of ``detectors.words.observation.ACTIONS``."""
+
 
 def _instant(value: datetime | str) -> datetime:
     return datetime.fromisoformat(value) if isinstance(value, str) else value

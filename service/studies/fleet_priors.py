@@ -88,4 +88,4 @@ def _posterior(archive: Archive, session: Any, pump: Pump) -> Posterior | None:
         return None
     setting = known.placed[-1].setting
     kind = setting.pump_type(known.kind)
-    return posterior_of(fold_from(last, kind, setting.circuit_parameters, known.thresholds, known.healthy))
+    return posterior_of(fold_from(last, kind, setting.circuit_parameters, known.thresholds, known.healthy_in(setting)))

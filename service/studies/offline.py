@@ -1,6 +1,6 @@
 """From files to a verdict without a server or a database: the same ingest, the same fold."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,15 +8,21 @@ from typing import Any
 from detectors.curve.points import Curve, damage_identification_curve, latest_condition
 from detectors.expectation.residuals import window_residuals
 from detectors.judgement.assessment import assess
+from detectors.judgement.version import twin_version
 from detectors.reduction.recording import reduce_recording
 from detectors.words.observation import History, Observation, Residual
 from detectors.words.thresholds import effective
 from detectors.words.verdict import Assessment
+from service.answers.verdicts import Verdict
 from service.errors import Problem
+from service.history.codec import trend_to_json, verdict_to_json
 from service.history.setting import DEFAULT_CIRCUIT
+from service.identity import software
 from service.ingest.decode import DEFAULT_PUMP_TYPE, Limits, decode
 from service.ingest.metadata import TypeLookup, built_in
 from service.ingest.upload_files import content_type_of
+from service.reading.forecast import crossed
+from service.reading.queries import TrendOfRecord
 from service.storage.raw_store import content_hash
 from twin.parameters import PumpType
 from twin.pumps import circuit_parameters, pump_type
@@ -34,11 +40,12 @@ class AnalysedFile:
 
 @dataclass(frozen=True, slots=True)
 class AnalysedPump:
-    """All files of one pump, folded."""
+    """All files of one pump, folded; ``verdict`` is the last one as the API would give it."""
 
     serial: str
     files: tuple[AnalysedFile, ...]
     assessments: tuple[Assessment, ...]
+    verdict: Verdict
     curve: Curve
 
 
@@ -58,7 +65,6 @@ def analyse_files(
     ``instead`` is the pump type that all are judged by, whatever they name.
     """
     types: TypeLookup = built_in if instead is None else lambda _operator, _name: instead
-    thresholds = effective({})
     circuit = circuit_parameters(DEFAULT_CIRCUIT)
     by_pump: dict[tuple[str, str], dict[str, AnalysedFile]] = {}
     refused: list[tuple[Path, Problem]] = []
@@ -71,7 +77,7 @@ def analyse_files(
             continue
         metadata = decoded.metadata
         kind = instead or pump_type(metadata.pump_type or DEFAULT_PUMP_TYPE)
-        reduction = reduce_recording(decoded.recording, kind, thresholds)
+        reduction = reduce_recording(decoded.recording, kind, effective({}, kind))
         observation = Observation(
             record_id=content_hash(content)[:32],
             at=metadata.started_at,
@@ -90,7 +96,27 @@ def analyse_files(
     for (serial, name), files in sorted(by_pump.items()):
         kind = instead or pump_type(name)
         observations = tuple(f.observation for f in files.values())
-        assessments = assess(History(observations), kind, circuit, thresholds)
-        curve = damage_identification_curve(observations, kind, circuit, latest_condition(observations, kind))
-        pumps.append(AnalysedPump(serial, tuple(files.values()), assessments, curve))
+        thresholds = effective({}, kind)
+        history = History(observations)
+        assessments = assess(history, kind, circuit, thresholds)
+        condition = latest_condition(observations, kind)
+        curve = damage_identification_curve(history, kind, circuit, thresholds, condition)
+        verdict = _verdict(assessments, files, kind, thresholds)
+        pumps.append(AnalysedPump(serial, tuple(files.values()), assessments, verdict, curve))
     return OfflineAnalysis(tuple(pumps), tuple(refused))
+
+
+def _verdict(
+    assessments: Sequence[Assessment],
+    files: Mapping[str, AnalysedFile],
+    kind: PumpType,
+    thresholds: Mapping[str, float],
+) -> Verdict:
+    """The last verdict with its chance of crossing, by thresholds that nobody has set (version 0)."""
+    rows = []
+    for assessment in assessments:
+        seen = files[assessment.record_id].observation
+        state, trend = assessment.verdict.state.value, trend_to_json(assessment.trend)
+        rows.append(TrendOfRecord(seen.at, seen.aircraft, seen.position, seen.flight_hours, state, trend))
+    last = verdict_to_json(assessments[-1].verdict, twin_version(kind), 0, software().to_json())
+    return crossed(last, rows, (), thresholds)

@@ -7,15 +7,19 @@ from datetime import UTC, datetime
 from sqlalchemy import ColumnElement, and_, func, select, text
 from sqlalchemy.orm import Session
 
-from detectors.words.thresholds import KEYS, effective, threshold_faults
+from detectors.words.thresholds import KEYS, effective, limits_of, threshold_faults
 from service.access import audit
 from service.access.security import Principal
 from service.errors import Fault, Invalid, NotFound, PreconditionRequired, StaleVersion
+from service.pump_types.parameter_sets import find_type
 from service.storage.tables import Pump, ThresholdVersion
 from service.thresholds.pins import newest_number, pinned_version
+from twin.parameters import PumpType
 
 SCOPES: tuple[str, ...] = ("fleet", "pump-type", "operator", "pump")
 """Layers from the widest to the narrowest; the narrower wins."""
+LIMITS = "pump-type limits"
+"""Where a value comes from that no layer sets: the pump type's own limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +33,10 @@ class Scope:
 
 @dataclass(frozen=True, slots=True)
 class Effective:
-    """Effective values with the layer each comes from, and the highest version number among the layers."""
+    """Effective values with the layer each comes from, and the highest version number among the layers.
+
+    ``origin`` is ``default``, ``pump-type limits`` or ``scope/id``.
+    """
 
     values: Mapping[str, float]
     origin: Mapping[str, str]
@@ -78,8 +85,11 @@ def effective_thresholds(
     known_at: datetime | None = None,
     candidate: Candidate | None = None,
     up_to: int | None = None,
+    kind: PumpType | None = None,
 ) -> Effective:
     """Values of several layers laid over each other and over the defaults, now or as known at an instant.
+
+    The limits of ``kind``, a pump type, lie under every layer: whoever sets nothing is held to what the pump is made for.
 
     ``up_to`` takes no version above a number. Without it a pump that is held at one (``service.thresholds.pins``) has
     that one's, unless a candidate for one of its layers would end that.
@@ -90,6 +100,7 @@ def effective_thresholds(
         up_to = pinned_version(session, pump.operator, pump.id, layers, known_at)
     values: dict[str, float] = {}
     origin = {key.name: "default" for key in KEYS}
+    origin |= dict.fromkeys({} if kind is None else limits_of(kind), LIMITS)
     version = 0
     for scope in scopes:
         row = latest(session, scope, known_at, up_to)
@@ -100,7 +111,7 @@ def effective_thresholds(
             values |= row.values
             origin |= dict.fromkeys(row.values, f"{scope.kind}/{scope.id}")
             version = max(version, row.number)
-    return Effective(effective(values), origin, version)
+    return Effective(effective(values, kind), origin, version)
 
 
 def put(
@@ -243,4 +254,5 @@ def thresholds_of(
     candidate: Candidate | None = None,
 ) -> Effective:
     """Effective thresholds of one pump, now, as they were known at an instant, or with a candidate for one layer."""
-    return effective_thresholds(session, pump_scopes(operator, serial, kind), known_at, candidate)
+    layers, found = pump_scopes(operator, serial, kind), find_type(session, operator, kind)
+    return effective_thresholds(session, layers, known_at, candidate, kind=found)

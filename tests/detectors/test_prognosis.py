@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import invgauss
 
-from detectors.prognosis.passage import Forecast, LevelEstimate, NoForecast, _crossed, forecast
+from detectors.prognosis.passage import Forecast, LevelEstimate, NoForecast, _crossed, _Filters, _passage, forecast
 
 LIMIT = 1.5
 
@@ -64,6 +64,64 @@ def test_the_passage_law_is_the_inverse_gaussian() -> None:
         expected = invgauss.cdf(hours, mean / shape, scale=shape)
         found = _crossed(np.array([way]), np.array([pace]), np.array([variance]), hours)
         assert found[0] == pytest.approx(expected, rel=1e-9)
+
+
+def known(level: tuple[float, float], drift: tuple[float, float], growth: float, diffusion: float) -> Forecast:
+    """Forecast from one filter whose level and drift are known with these means and one-sigma errors."""
+    one = np.ones(1)
+    filters = _Filters(
+        growth=growth * one,
+        level_diffusion=diffusion * one,
+        drift_diffusion=0.0 * one,
+        noise=one,
+        drifts=one > 0.0,
+        prior=one,
+        drift_sd=one,
+        level=level[0] * one,
+        drift=drift[0] * one,
+        p_ll=level[1] ** 2 * one,
+        p_ld=0.0 * one,
+        p_dd=drift[1] ** 2 * one,
+        log_evidence=0.0 * one,
+    )
+    found = _passage(filters, one, LIMIT, 2000.0)
+    assert isinstance(found, Forecast)
+    return found
+
+
+@pytest.mark.parametrize("within", [20.0, 50.0, 120.0, 300.0])
+def test_the_chance_of_crossing_is_the_mixture_of_passage_laws(within: float) -> None:
+    """Quadrature of the inverse Gaussian over level and drift."""
+    found = known((1.4, 0.02), (8e-4, 2e-4), 0.0, 5e-6)
+    z, weight = np.polynomial.hermite_e.hermegauss(60)
+    weight /= weight.sum()
+    way, pace = LIMIT - (1.4 + 0.02 * z[:, None]), 8e-4 + 2e-4 * z[None, :]
+    both = weight[:, None] * weight[None, :] * (pace > 0.0)
+    mean, shape = np.maximum(way, 1e-9) / np.maximum(pace, 1e-9), np.maximum(way, 1e-9) ** 2 / 5e-6
+    chance = np.where(way <= 0.0, 1.0, invgauss.cdf(within, mean / shape, scale=shape))
+    expected = float((both * chance).sum() / both.sum())
+    # 2000 draws know a probability to one per cent
+    assert found.probability_within(within) == pytest.approx(expected, abs=0.02)
+
+
+def test_the_chance_of_crossing_is_that_of_simulated_lives() -> None:
+    """Lives whose pace grows: each crosses when what it has gained covers the way."""
+    found = known((1.3, 0.03), (1e-3, 2e-4), 4e-3, 0.0)
+    rng = np.random.default_rng(8)
+    level, drift = 1.3 + 0.03 * rng.normal(size=200_000), 1e-3 + 2e-4 * rng.normal(size=200_000)
+    for within in (50.0, 150.0, 250.0):
+        gained = np.maximum(drift, 0.0) * np.expm1(4e-3 * within) / 4e-3
+        assert found.probability_within(within) == pytest.approx(float(np.mean(level + gained >= LIMIT)), abs=0.02)
+
+
+def test_the_chance_of_crossing_undoes_the_quantile() -> None:
+    found = known((1.3, 0.03), (1e-3, 2e-4), 0.0, 1e-6)
+    for share in (0.05, 0.5, 0.95):
+        assert found.probability_within(found.quantile(share)) == pytest.approx(share, abs=1e-9)
+    assert found.probability_within(0.0) == found.probability[0]
+    for hours in (-1.0, math.inf, math.nan):
+        with pytest.raises(ValueError, match="must be finite and not below 0"):
+            found.probability_within(hours)
 
 
 def test_a_clean_line_is_forecast_to_the_hour() -> None:

@@ -1,4 +1,7 @@
-"""Histories written straight into the database: one flight a day, one letter per verdict, no signal behind them."""
+"""Histories written straight into the database: one flight a day, one letter per verdict, no signal behind them.
+
+A capital says that the case pressure is beyond its rule on that flight.
+"""
 
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -48,8 +51,12 @@ def write_history(session: Session, letters: str, serial: str = "P-1", operator:
             session.flush()
         if letter == ".":
             continue
-        state, side = STATES[letter]
+        state, side = STATES[letter.lower()]
         verdict: dict[str, Any] = {**empty, "state": state, "side": side, "since": day(i).isoformat()}
+        if letter.isupper():
+            verdict["case_pressure"] = {
+                "over_reservoir_bar": 1.2, "reference_bar": 0.5, "limit_bar": 3.5, "beyond": True
+            }  # fmt: skip
         session.add(
             StoredAssessment(
                 record_id=record_id,

@@ -223,6 +223,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     # forms: they ask for a session and its token, which tests/service/test_page_forms.py has
     ("POST", "/alarms/{alarm_id}/{action}"): Entry(OPEN, "/alarms/{alarm}/acknowledge"),
     ("POST", "/pumps/{serial}/findings"): Entry(OPEN, "/pumps/{pump}/findings"),
+    ("POST", "/pumps/{serial}/maintenance"): Entry(OPEN, "/pumps/{pump}/maintenance"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-out"): Entry(OPEN, "/sign-out"),

@@ -7,15 +7,20 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from sqlalchemy import delete, select
+from sqlalchemy import delete, insert, select
 from sqlalchemy.orm import Session
 
-from service.alarms.ledger import actions_of, points_of
+from service.alarms.ledger import actions_of, catch_up, points_of
 from service.alarms.life_cycle import lives, rules_of
 from service.storage.database import Database
-from service.storage.tables import Alarm, AlarmAction, Pump
+from service.storage.tables import Alarm, AlarmAction, Message, Pump, StoredAssessment, Webhook
 from service.thresholds.layers import thresholds_of
 from tests.service.histories import day, write_history
+
+WEBHOOK = {
+    "id": "w", "operator": None, "url": "https://hooks.example.org", "events": ["alarm.raised"], "secret": "whsec_eA==",
+    "owner": "ann", "created_at": day(0), "ended_at": None, "end_reason": None,
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -47,9 +52,41 @@ def acted(session: Session, pump: Pump, kind: str, n: int) -> None:
         )
 
 
+def test_what_the_ledger_keeps_of_case_pressure(database: Database) -> None:
+    """Assessments as rows repeat them and as whole verdicts say them; rows from before the rule know nothing of it."""
+    with database.writing() as session:
+        session.execute(insert(Webhook), [WEBHOOK])
+        pump = write_history(session, "hhH")
+        said = [p.case_pressure_beyond for p in points_of(session, pump.id)]
+        assert said == [False, False, True]
+        (alarm,) = session.scalars(select(Alarm))
+        assert (alarm.priority, alarm.side, alarm.verdict_state) == ("critical", "unknown", "healthy")
+        (message,) = session.scalars(select(Message))
+        assert message.event == "alarm.raised"
+        assert message.payload["data"]["case_pressure_beyond"] is True
+        for row in session.scalars(select(StoredAssessment)):
+            row.side = None
+        assert [p.case_pressure_beyond for p in points_of(session, pump.id)] == said
+        write_history(session, "hhHhh")
+        assert (alarm.condition, alarm.case_pressure_beyond) == ("cleared", True)
+        for row in session.scalars(select(StoredAssessment)):
+            row.verdict = {name: value for name, value in row.verdict.items() if name != "case_pressure"}
+        session.flush()
+        assert not any(p.case_pressure_beyond for p in points_of(session, pump.id))
+
+
+def test_alarms_of_case_pressure_catch_up(database: Database) -> None:
+    with database.writing() as session:
+        write_history(session, "hhH")
+        session.execute(delete(Alarm))
+    assert catch_up(database) == 1
+    with database.reading() as session:
+        assert session.scalars(select(Alarm.priority)).all() == ["critical"]
+
+
 STEPS = st.lists(
     st.tuples(
-        st.text("hips.b", min_size=3, max_size=12),
+        st.text("hips.bHP", min_size=3, max_size=12),
         st.sampled_from([None, "acknowledge", "shelve", "unshelve", "close"]),
     ),
     min_size=1,
@@ -77,6 +114,9 @@ def test_any_way_to_a_history(database: Database, steps: list[tuple[str, str | N
             living = [row for row in rows if row.withdrawn_at is None]
             assert [(r.onset_at, r.raised_at, r.cleared_at, r.acknowledged, r.priority) for r in living] == [
                 (a.onset_at, a.raised_at, a.cleared_at, a.acknowledged, a.priority) for a in expected
+            ]
+            assert [(r.side, r.case_pressure_beyond) for r in living] == [
+                (a.side, a.case_pressure_beyond) for a in expected
             ]
             assert [(r.shelved_until, r.closed_at) for r in living] == [
                 (a.shelved_until, a.closed_at) for a in expected

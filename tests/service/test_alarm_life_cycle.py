@@ -7,11 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.alarms.life_cycle import Action, Life, Point, Rules, lives
+from service.alarms.life_cycle import CASE_PRESSURE, Action, Life, Point, Rules, lives
 
 START = datetime(2026, 5, 1, 8, tzinfo=UTC)
 RULES = Rules(on_flights=1, off_flights=2, limit_lpm=1.5, limit_off_lpm=1.425)
-SIDES = {"pump_degradation": "pump", "system_leakage": "system", "healthy": "none", "indeterminate": "unknown"}
+SIDES = {
+    "pump_degradation": "pump",
+    "system_leakage": "system",
+    "healthy": "none",
+    "indeterminate": "unknown",
+    "insufficient_data": "unknown",
+}
 LETTERS = {
     "h": "healthy",
     "i": "indeterminate",
@@ -27,10 +33,11 @@ def day(n: float) -> datetime:
 
 
 def points(letters: str, flows: dict[int, float] | None = None) -> list[Point]:
-    """One flight a day, one letter each."""
+    """One flight a day, one letter each; a capital says that the case pressure is beyond its rule."""
     return [
-        Point(f"r{i}", day(i), f"F{i}", LETTERS[c], SIDES.get(LETTERS[c], "sensor"), (), (flows or {}).get(i, 1.0))
+        Point(f"r{i}", day(i), f"F{i}", state, SIDES.get(state, "sensor"), (), (flows or {}).get(i, 1.0), c.isupper())
         for i, c in enumerate(letters)
+        for state in (LETTERS[c.lower()],)
     ]
 
 
@@ -135,7 +142,60 @@ def test_what_was_done_sticks_to_the_stretch_it_was_meant_for() -> None:
     assert [a.acknowledged for a in lives(points("ihhhhhhhh"), done, RULES)] == [False]
 
 
-HISTORIES = st.text("hipszb", min_size=1, max_size=25)
+class TestCasePressure:
+    """The plain rule: critical on that flight, whatever the cause; it accuses nobody and clears like the others."""
+
+    SLOW = Rules(on_flights=3, off_flights=2, limit_lpm=1.5, limit_off_lpm=1.425)
+
+    @pytest.mark.parametrize("letter", "HIPSZB")
+    def test_it_is_critical_on_that_flight_in_every_state(self, letter: str) -> None:
+        (alarm,) = lives(points(f"hh{letter}"), [], self.SLOW)
+        assert (alarm.onset_at, alarm.raised_at, alarm.priority) == (day(2), day(2), "critical")
+        assert alarm.case_pressure_beyond
+        assert not alarm.beyond_limit
+        assert alarm.history[0]["reason"] == CASE_PRESSURE
+
+    def test_it_accuses_nobody_whom_the_verdict_does_not_name(self) -> None:
+        sides = [lives(points(letter), [], RULES)[0].side for letter in "HIBPSZ"]
+        assert sides == ["unknown", "unknown", "unknown", "pump", "system", "sensor"]
+
+    @pytest.mark.parametrize("letter", "hb")
+    def test_it_clears_after_the_off_delay(self, letter: str) -> None:
+        calm, beyond = letter, letter.upper()
+        (alarm,) = lives(points(f"{calm}{beyond}{calm}{beyond}{calm}{calm}"), [], RULES)
+        assert (alarm.raised_at, alarm.cleared_at) == (day(1), day(5))
+        assert alarm.history[-1]["reason"] is None
+        (alarm,) = lives(points(f"{calm}{beyond}{calm}"), [], RULES)
+        assert alarm.cleared_at is None
+
+    def test_it_steps_down_to_what_the_verdict_says(self) -> None:
+        (alarm,) = lives(points("hPp"), [], RULES)
+        assert (alarm.priority, alarm.case_pressure_beyond) == ("high", False)
+        assert events(alarm) == ["raised", "changed"]
+
+    def test_it_escalates_what_somebody_has_dealt_with(self) -> None:
+        done = [action("acknowledge", 0, 0, "indeterminate", "medium")]
+        (alarm,) = lives(points("iI"), done, RULES)
+        assert not alarm.acknowledged
+        assert events(alarm) == ["raised", "acknowledged", "escalated", "reopened"]
+        assert alarm.history[2]["reason"] == CASE_PRESSURE
+
+    def test_beside_critical_wear_it_asks_once(self) -> None:
+        worn = dict.fromkeys(range(6), 2.0)
+        done = [action("acknowledge", 0, 0, "pump_degradation", "critical")]
+        (alarm,) = lives(points("pP", worn), done, RULES)
+        assert events(alarm) == ["raised", "acknowledged", "changed", "reopened"]
+        done.append(action("acknowledge", 0, 1, "pump_degradation", "critical", 2))
+        (alarm,) = lives(points("pPpPp", worn), done, RULES)
+        assert alarm.acknowledged, "who has seen it once is not asked for every flight"
+
+    def test_a_cause_that_gets_its_name_is_no_reason_to_ask_again(self) -> None:
+        done = [action("acknowledge", 0, 0, "healthy", "critical")]
+        (alarm,) = lives(points("HHS"), done, RULES)
+        assert (alarm.acknowledged, alarm.side) == (True, "system")
+
+
+HISTORIES = st.text("hipszbHIPB", min_size=1, max_size=25)
 ACTIONS = st.lists(
     st.builds(
         action,

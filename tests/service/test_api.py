@@ -49,7 +49,8 @@ class TestPump:
         assert set(verdict) == {
             *("state", "side", "since", "confidence", "probabilities", "candidates", "secondary", "sensor"),
             *("estimates", "minimum_detectable", "quality", "advice", "resolving_measurement"),
-            *("twin_version", "threshold_version", "software"),
+            *("fit", "blind_spots", "probability_beyond_limit", "crossing", "intermittent", "resolved_by"),
+            *("missing_evidence", "case_pressure", "twin_version", "threshold_version", "software"),
         }
         assert verdict["state"] == "healthy"
         assert sum(verdict["probabilities"].values()) == pytest.approx(1.0)
@@ -96,6 +97,13 @@ class TestPump:
         assert demand == sorted(demand)
         assert heights == sorted(heights)
         assert all(p["low"] < p["y"] < p["high"] for p in curve["curve"])
+        # what is unknown is so in both directions
+        assert all(c[0][0] > 0.0 and c[1][1] > 0.0 for c in (p["covariance"] for p in curve["curve"] + curve["points"]))
+        assert curve["baseline"]["records"] == 12
+        assert len(curve["readings"]) == len(curve["residuals_by_temperature"]["points"]) == 12
+        assert curve["residuals_by_temperature"]["laws"] == {}
+        assert curve["measured_curve"] == []
+        assert curve["directions"]["compensator_fault"]["both_ways"]
         # a worn pump lifts the case pressure, a moved setting shifts the discharge pressure alone
         assert curve["directions"]["pump_degradation"]["dy"] > 0.1
         assert abs(curve["directions"]["compensator_fault"]["dy"]) < 0.01
@@ -334,6 +342,24 @@ def test_operating_point_answers_with_a_problem_in_place(client: TestClient) -> 
         "body.conditions.0.fluid_temperature_degc",
         "body.conditions.0.mood",
     }
+
+
+def test_operating_point_with_a_fluid_by_name(client: TestClient) -> None:
+    place = {"speed_rpm": 4600, "fluid_temperature_degc": 60}
+    names = [None, "MIL-PRF-83282", "MIL-PRF-87257", "MIL-PRF-5606", "AS1241 Type IV/V phosphate ester"]
+    conditions = [{**place, "fluid": name} for name in names]
+    items = client.post(f"{API}/twin/operating-point", json={"conditions": conditions}).json()["items"]
+    own, same, thin, mineral, ester = (item["leakage_lpm"]["pistons"] for item in items)
+    assert own == same
+    # the thinner the more; the ester's density makes up for its lower kinematic viscosity
+    assert mineral < own < thin
+    assert ester == pytest.approx(own, rel=0.05)
+    wrong = [{**place, "fluid": "olive oil"}, place, {**place, "fluid": ""}]
+    refused = client.post(f"{API}/twin/operating-point", json={"conditions": wrong})
+    assert refused.status_code == 422
+    errors = {e["where"]: e["problem"] for e in refused.json()["errors"]}
+    assert set(errors) == {"body.conditions.0.fluid", "body.conditions.2.fluid"}
+    assert "MIL-PRF-5606, MIL-PRF-83282, MIL-PRF-87257" in errors["body.conditions.0.fluid"]
 
 
 def test_operations(client: TestClient) -> None:

@@ -136,6 +136,7 @@ def test_analyse(tmp_path: Path, healthy_records: list[DemoRecord]) -> None:
     assert [f["file"] for f in pump["files"]] == files
     assert Path(pump["picture"]).read_text(encoding="utf-8").startswith("<svg")
     assert sum(pump["verdict"]["probabilities"].values()) == pytest.approx(1.0)
+    assert {"fit", "blind_spots", "crossing", "missing_evidence", "case_pressure"} <= pump["verdict"].keys()
 
 
 def test_upload_and_reprocess(tmp_path: Path, healthy_records: list[DemoRecord], service: TestClient) -> None:

@@ -10,10 +10,22 @@ from fastapi.testclient import TestClient
 from sqlalchemy import select
 
 from detectors.prognosis.passage import Forecast, NoForecast
-from service.reading.forecast import SPACING, TrendPoint, forecast_of_trend
+from service.monitoring.refold import verdict_known_at
+from service.reading import queries
+from service.reading.forecast import (
+    SPACING,
+    TrendPoint,
+    crossed,
+    crossing_of_trend,
+    forecast_of_trend,
+    with_crossing,
+)
+from service.running import opened
 from service.settings import Settings
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, Installation, Pump, Record, StoredAssessment
+from tests.detectors import fleet
+from tests.service import stored_records
 from tests.service.records import body
 
 LIMIT = 1.5
@@ -106,6 +118,53 @@ def test_some_missing_hours_do_no_harm() -> None:
     assert isinstance(forecast_of_trend(without_hours(points(120, 0.002, level=0.7)[0], 4), LIMIT), Forecast)
 
 
+class TestCrossing:
+    """The chance of crossing the limit before the next inspection."""
+
+    def test_it_says_what_happens(self) -> None:
+        """Growing pumps at every place of the last part of their lives: chances are the share of crossings that come."""
+        rng = np.random.default_rng(9)
+        chances, crossings = [], []
+        for seed in range(60):
+            growth, reached = rng.uniform(0.0015, 0.004), rng.uniform(1.15, 1.5)
+            track, left = points(110, growth, seed=seed, level=reached - growth * 235.0)
+            chance = crossing_of_trend(track, LIMIT, 50.0)
+            assert chance is not None
+            chances.append(chance)
+            crossings.append(left <= 50.0)
+        rare, sure = np.array(chances) < 0.1, np.array(chances) > 0.9
+        assert min(rare.sum(), sure.sum()) >= 5
+        assert np.mean(np.array(crossings)[rare]) <= 0.1
+        assert np.mean(np.array(crossings)[sure]) >= 0.8
+        # sixty pumps of such chances spread by 4 %
+        assert np.mean(chances) == pytest.approx(np.mean(crossings), abs=0.12)
+
+    def test_a_longer_interval_crosses_more(self) -> None:
+        track, _ = points(120, 0.002, level=0.9)
+        chances = [crossing_of_trend(track, LIMIT, hours) for hours in (1.0, 50.0, 200.0, 5000.0)]
+        numbers = [c for c in chances if c is not None]
+        assert numbers == sorted(numbers)
+        assert len(numbers) == 4
+        assert numbers[-1] > 0.99
+
+    def test_without_grounds_there_is_none(self) -> None:
+        assert crossing_of_trend(points(30, 0.002)[0], LIMIT, 50.0) is None
+        assert crossing_of_trend(points(100, 0.0, level=0.6)[0], LIMIT, 50.0) is None
+
+    def test_a_level_beyond_has_crossed(self) -> None:
+        for growth, level in ((0.0, 2.0), (0.001, 2.0), (0.0, 1.62)):
+            chance = crossing_of_trend(points(100, growth, level=level)[0], LIMIT, 50.0)
+            assert chance is not None
+            assert chance > (0.99 if level > 1.8 else 0.8)
+
+    def test_it_is_never_below_the_chance_of_being_beyond(self) -> None:
+        verdict: Any = {"probability_beyond_limit": 0.9}
+        thresholds = {"case_flow_limit_lpm": LIMIT, "inspection_interval_h": 50.0}
+        assert crossed(verdict, [], [], thresholds)["crossing"] == {"within_flight_hours": 50.0, "probability": 0.9}
+        verdict = {"probability_beyond_limit": 0.3}
+        assert crossed(verdict, [], [], thresholds)["crossing"] is None
+
+
 def store(database_url: str, track: Sequence[TrendPoint], verdict: dict[str, Any], aircraft: Sequence[str]) -> None:
     """A pump F-1 whose records left this trend."""
     database = Database(database_url)
@@ -186,6 +245,33 @@ def test_shape_of_the_contract_and_sentence_on_the_page(
     assert f"{hours['low']:.0f} to {hours['high']:.0f}" in page
 
 
+def test_the_verdict_says_the_chance_of_crossing_before_the_next_inspection(
+    client: TestClient, settings: Settings, verdict: dict[str, Any]
+) -> None:
+    track, _ = points(120, 0.002, level=0.93)
+    store(settings.database_url, track, verdict, ["F-A"] * 120)
+    url = "/api/v1/pumps/F-1/verdict"
+
+    def crossing(**params: str) -> dict[str, float]:
+        found: dict[str, float] = client.get(url, params=params).json()["crossing"]
+        return found
+
+    def expected(n: int, hours: float) -> Any:
+        return pytest.approx(crossing_of_trend(track[:n], LIMIT, hours), rel=1e-6)
+
+    assert crossing() == {"within_flight_hours": 50.0, "probability": expected(120, 50.0)}
+    assert 0.05 < crossing()["probability"] < 0.999
+    earlier = (START + timedelta(days=79)).isoformat()
+    assert crossing(at=earlier)["probability"] == expected(80, 50.0)
+    change = {"values": {"inspection_interval_h": 200}, "reason": "every second phase"}
+    client.put("/api/v1/thresholds/pump/F-1", json=change, headers={"If-Match": "*"})
+    longer = crossing()
+    assert longer["within_flight_hours"] == 200.0
+    assert longer["probability"] == expected(120, 200.0)
+    early = (START + timedelta(days=9)).isoformat()
+    assert crossing(at=early) is None
+
+
 def test_only_the_current_installation_counts(client: TestClient, settings: Settings, verdict: dict[str, Any]) -> None:
     store(settings.database_url, points(120, 0.002, level=0.7)[0], verdict, ["F-A"] * 110 + ["F-B"] * 10)
     document = client.get("/api/v1/pumps/F-1/forecast").json()
@@ -232,3 +318,20 @@ def test_unknown_and_unassessed_pumps(client: TestClient, verdict: dict[str, Any
     document = client.get("/api/v1/pumps/P-1/forecast").json()
     assert document["flight_hours"] is None
     assert document["reason"].startswith("0 records of this installation")
+
+
+def test_what_was_known_then_says_the_same_chance(settings: Settings) -> None:
+    """A worn pump of the fleet: the stored trend and the fold of what was known give one answer."""
+    context = opened(settings)
+    flown = fleet.history(5, 60, fleet.FAULTS["worn"]).observations
+    stored_records.store(context, flown, "P-1", "north")
+    with context.database.writing() as session:
+        for i, record in enumerate(session.scalars(select(Record).order_by(Record.started_at))):
+            record.flight_hours = START_HOURS + 3.0 * i
+    with context.database.reading() as session:
+        pump = session.scalars(select(Pump)).one()
+        for at in (None, flown[54].at):
+            now = with_crossing(session, pump, queries.verdict(session, pump, at), at)
+            assert now["crossing"] is not None
+            assert now == verdict_known_at(session, pump, context.archive, datetime.now(UTC), at)
+    context.close()

@@ -14,6 +14,7 @@ from service.command_line.main import app
 from service.settings import Settings
 from service.web.app import create_app
 from twin.pumps import circuit_parameters, pump_type
+from twin.pumps.fluids import with_fluid
 
 URL = "/api/v1/twin/isolability"
 runner = CliRunner()
@@ -62,9 +63,20 @@ def test_without_a_reservoir_sensor(running: TestClient) -> None:
     assert "reservoir sensor" not in document["faults"]
 
 
+def test_another_fluid_is_another_study(running: TestClient) -> None:
+    own, thin = (running.post(URL, json={"fluid": name}).json() for name in (None, "MIL-PRF-87257"))
+    assert (own["fluid"], thin["fluid"]) == (None, "MIL-PRF-87257")
+    pump = with_fluid(pump_type("h225"), "MIL-PRF-87257")
+    expected = isolability(Plan(sensors_of(pump)), pump, circuit_parameters("shared_return"))
+    for fault in expected.faults:
+        assert thin["faults"][fault.name]["smallest_detectable"] == pytest.approx(fault.smallest_detectable)
+    assert thin["faults"]["leakage, mixed"] != own["faults"]["leakage, mixed"]
+
+
 def test_every_fault_is_named(running: TestClient) -> None:
     body = {
         "circuit": "y",
+        "fluid": "olive oil",
         "flights": 0,
         "temperature_range_degc": [80, 20],
         "sensors": {"case_pressure_bar": {"full_scale_bar": -1, "accuracy_percent": 90, "colour": "red"}},
@@ -76,6 +88,7 @@ def test_every_fault_is_named(running: TestClient) -> None:
     places = {e["where"] for e in answer.json()["errors"]}
     assert places == {
         "body.circuit",
+        "body.fluid",
         "body.flights",
         "body.temperature_range_degc",
         "body.sensors.case_pressure_bar.full_scale_bar",

@@ -368,6 +368,18 @@ class TestMail:
         assert "\nBcc:" not in head
         assert "priority medium" in content
 
+    def test_a_mail_about_case_pressure_says_so_and_accuses_nobody(
+        self, guarded: TestClient, admin: dict[str, str]
+    ) -> None:
+        self.make_user(guarded, admin, "ann", email="ann@example.org", wants_mail=True)
+        write(guarded, "hH")
+        with mail_server() as server:
+            postman(guarded, smtp_host="127.0.0.1", smtp_port=server.port, smtp_security="none").turn()
+        ((_, text),) = server.mails
+        assert "pump P-1: case pressure, healthy, alarm raised" in text
+        assert "Verdict: healthy (side: unknown), priority critical" in text
+        assert "whatever the cause" in text
+
     def test_without_a_server_it_says_so(self, guarded: TestClient, admin: dict[str, str]) -> None:
         self.make_user(guarded, admin, "ann", email="ann@example.org", wants_mail=True)
         write(guarded, "hi")

@@ -30,6 +30,7 @@ def test_every_call_is_in_it() -> None:
         ("POST", "/sign-out"),
         ("POST", "/alarms/{alarm_id}/{action}"),
         ("POST", "/pumps/{serial}/findings"),
+        ("POST", "/pumps/{serial}/maintenance"),
     }
     expected = {route for route, entry in MATRIX.items() if entry.role != PAGE} - hidden
     assert {(m, p) for m, p, _ in OPERATIONS} == expected

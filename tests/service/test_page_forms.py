@@ -102,6 +102,19 @@ def test_a_finding_is_entered_and_every_fault_is_named(guarded: TestClient) -> N
     assert finding["author"] == "ann"
 
 
+def test_maintenance_is_entered_by_engineers_and_every_fault_is_named(guarded: TestClient) -> None:
+    url = "/pumps/P-1/maintenance?operator=north"
+    entry = {"at": "2026-05-10T12:00", "action": "sensor_replaced", "fluid": "", "channel": "case_pressure_bar"}
+    token = come_in(guarded, "ann", "analyst", "north")
+    assert guarded.post(url, data={"csrf_token": token, **entry}).status_code == 403
+    token = come_in(guarded, "eve", "engineer", "north")
+    wrong = {"at": "", "action": "drain_cleaned", "fluid": "olive oil", "channel": "case_pressure_bar"}
+    page = guarded.post(url, data={"csrf_token": token, **wrong})
+    assert page.status_code == 422
+    assert re.findall(r"<li><strong>(\w+)</strong>", page.text) == ["at", "fluid", "channel"]
+    assert guarded.get(f"{API}/pumps/P-1/maintenance", headers=key(guarded, "viewer", "north")).json()["items"] == []
+
+
 @pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 def test_the_page_has_the_forms_and_without_sessions_knows_them_by_their_origin(
     client: TestClient, worn_records: list[DemoRecord]
@@ -123,4 +136,12 @@ def test_the_page_has_the_forms_and_without_sessions_knows_them_by_their_origin(
         f"/pumps/{serial}/findings", data={**FINDING, "note": "<b>"}, headers={"origin": "http://testserver"}
     )
     assert "&lt;b&gt;" in entered.text
+    done = client.post(
+        f"/pumps/{serial}/maintenance",
+        data={"at": "2026-05-10T12:00", "action": "sensor_replaced", "fluid": "", "channel": "case_pressure_bar"},
+        headers={"origin": "http://testserver"},
+    )
+    assert "Sensor replaced: <code>case_pressure_bar</code>" in done.text
+    (event,) = client.get(f"{API}/pumps/{serial}/maintenance").json()["items"]
+    assert (event["at"], event["fluid"], event["channel"]) == ("2026-05-10T12:00:00Z", None, "case_pressure_bar")
     assert "false alarms" in client.get("/").text

@@ -1,14 +1,21 @@
 """Installations, maintenance, findings, withdrawals: what they change, and what was known before they did."""
 
 import random
+import re
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 from fastapi.testclient import TestClient
+from sqlalchemy import select
 
+from detectors.words.observation import ACTIONS, Maintenance
 from service.demo.fleet import DemoRecord
+from service.history.knowledge import knowledge
+from service.registry.maintenance import Action
+from service.reports.words import ACTION_WORDS
+from service.storage.tables import Pump
 from tests.service.records import body, document
 
 JSON = {"content-type": "application/json"}
@@ -130,6 +137,88 @@ class TestMaintenance:
         assert client.delete(url).status_code == 404
         bad = client.post(f"{PUMP}/maintenance", json={"at": "2026-05-02", "action": "prayer", "mood": 1})
         assert faults_of(bad) == {"body.at", "body.action", "body.mood"}
+
+    def test_it_names_the_fluid_and_the_sensor(self, client: TestClient) -> None:
+        upload(client, 0)
+        url = f"{PUMP}/maintenance"
+        fluid, sensor = {"fluid": "MIL-PRF-83282"}, {"channel": "reservoir_pressure_bar"}
+        told = [
+            {"action": "filter_changed"},
+            {"action": "drain_cleaned"},
+            {"action": "fluid_changed"},
+            {"action": "fluid_changed", **fluid},
+            {"action": "setting_adjusted"},
+            {"action": "sensor_replaced"},
+            {"action": "sensor_replaced", **sensor},
+            {"action": "pump_overhauled"},
+        ]
+        assert {entry["action"] for entry in told} == set(ACTIONS) == set(get_args(Action)) == set(ACTION_WORDS)
+        ids = []
+        for i, entry in enumerate(told):
+            made = client.post(url, json={"at": day(i), **entry})
+            assert made.status_code == 201, made.text
+            ids.append(made.json()["id"])
+        listed = client.get(url).json()["items"]
+        assert [(e["action"], e["fluid"], e["channel"]) for e in listed] == [
+            (e["action"], e.get("fluid"), e.get("channel")) for e in told
+        ]
+        # what no longer belongs goes, what is said stays
+        corrected = client.patch(f"{url}/{ids[3]}", json={"note": "drum 4"}).json()
+        assert (corrected["fluid"], corrected["note"]) == ("MIL-PRF-83282", "drum 4")
+        other = client.patch(f"{url}/{ids[3]}", json={"action": "sensor_replaced", **sensor}).json()
+        assert (other["fluid"], other["channel"]) == (None, "reservoir_pressure_bar")
+        assert client.patch(f"{url}/{ids[6]}", json={"channel": None}).json()["channel"] is None
+        stray = client.patch(f"{url}/{ids[0]}", json={**fluid, **sensor})
+        assert faults_of(stray) == {"body.fluid", "body.channel"}
+        assert client.get(url).json()["items"][0] == listed[0]
+
+    @pytest.mark.parametrize(
+        ("action", "details", "faults"),
+        [
+            ("fluid_changed", {"fluid": "olive oil"}, {"fluid": "known: .*MIL-PRF-83282"}),
+            ("sensor_replaced", {"channel": "flight_control_activity"}, {"channel": "fluid_temperature_degc"}),
+            ("filter_changed", {"fluid": "MIL-PRF-83282"}, {"fluid": "belongs to fluid_changed"}),
+            (
+                "pump_overhauled",
+                {"fluid": "MIL-PRF-83282", "channel": "case_pressure_bar"},
+                {"fluid": "belongs to fluid_changed", "channel": "belongs to sensor_replaced"},
+            ),
+            (
+                "prayer",
+                {"fluid": "olive oil", "channel": "mood"},
+                {"action": "drain_cleaned", "fluid": "", "channel": ""},
+            ),
+        ],
+    )
+    def test_what_cannot_be_is_refused_by_name(
+        self, client: TestClient, action: str, details: dict[str, str], faults: dict[str, str]
+    ) -> None:
+        upload(client, 0)
+        answer = client.post(f"{PUMP}/maintenance", json={"at": day(1), "action": action, **details})
+        assert answer.status_code == 422
+        problems = {fault["where"]: fault["problem"] for fault in answer.json()["errors"]}
+        assert problems.keys() == {f"body.{name}" for name in faults}
+        for name, words in faults.items():
+            assert re.search(words, problems[f"body.{name}"])
+
+    def test_the_judge_is_told_what_was_said_and_when_it_was_known(self, client: TestClient) -> None:
+        upload(client, 0)
+        context = client.app.state.context  # type: ignore[attr-defined]
+
+        def told(known_at: datetime | None = None) -> tuple[Maintenance, ...]:
+            with context.database.reading() as session:
+                pump = session.scalars(select(Pump).where(Pump.serial == "P-1")).one()
+                return knowledge(session, pump, context.archive, known_at).known.maintenance
+
+        at = datetime.fromisoformat(day(-1))
+        entry = {"at": day(-1), "action": "sensor_replaced", "channel": "case_pressure_bar"}
+        made = client.post(f"{PUMP}/maintenance", json=entry).json()
+        known_at = datetime.now(UTC)
+        fluid = {"at": day(-1), "action": "fluid_changed", "fluid": "MIL-PRF-83282"}
+        client.post(f"{PUMP}/maintenance", json=fluid)
+        client.patch(f"{PUMP}/maintenance/{made['id']}", json={"channel": None})
+        assert told(known_at) == (Maintenance(at, "sensor_replaced", None, "case_pressure_bar"),)
+        assert told() == (Maintenance(at, "fluid_changed", "MIL-PRF-83282"), Maintenance(at, "sensor_replaced"))
 
     def test_it_resets_what_it_touches_and_taking_it_back_undoes_that(
         self, client: TestClient, healthy_records: list[DemoRecord]

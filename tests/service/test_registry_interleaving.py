@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
 from sqlalchemy import select
 
+from detectors.words.observation import ACTIONS
 from service.monitoring.refold import refold
 from service.storage.tables import Pump, StoredAssessment
 from service.web.app import create_app
@@ -24,7 +25,6 @@ JSON = {"content-type": "application/json"}
 API = "/api/v1"
 START = datetime(2026, 5, 2, 7, 11, tzinfo=UTC)
 PLACES = (("F-1", "LH"), ("F-1", "RH"), ("F-2", "LH"))
-ACTIONS = ("fluid_changed", "filter_changed", "setting_adjusted", "sensor_replaced")
 _operators = itertools.count(1)
 
 flights = st.integers(0, 9)

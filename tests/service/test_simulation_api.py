@@ -14,6 +14,7 @@ from service.web.app import create_app
 from twin.condition import Condition
 from twin.operating_point import operating_point
 from twin.pumps import circuit_parameters, pump_type
+from twin.pumps.fluids import with_fluid
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS
 
 URL = "/api/v1/twin/simulation"
@@ -55,10 +56,19 @@ def test_schedule_and_health_change_on_the_way(running: TestClient) -> None:
     assert channels["case_flow_lpm"][-100:].mean() > channels["case_flow_lpm"][:100].mean() + 0.2
 
 
+def test_a_thinner_fluid_leaks_more(running: TestClient) -> None:
+    own, thin = (simulated(running, fluid=name)["case_flow_lpm"][200:].mean() for name in (None, "MIL-PRF-87257"))
+    kind = with_fluid(pump_type("h225"), "MIL-PRF-87257")
+    point = operating_point(kind.pump, Condition(4600.0, 50.0), circuit_parameters("shared_return"))
+    assert thin == pytest.approx(float(point.value("case_flow_lpm")[0]), rel=0.01)
+    assert thin > own + 0.1
+
+
 def test_every_fault_is_named(running: TestClient) -> None:
     body = {
         "pump_type": "x",
         "circuit": "y",
+        "fluid": "olive oil",
         "duration_s": 100,
         "sample_rate_hz": 1,
         "schedule": {"time_s": [0, 1], "discharge_flow_lpm": [0], "speed_rpm": 99999, "mood": 2},
@@ -69,6 +79,7 @@ def test_every_fault_is_named(running: TestClient) -> None:
     assert {e["where"] for e in answer.json()["errors"]} == {
         "pump_type",
         "circuit",
+        "fluid",
         "duration_s",
         "schedule.discharge_flow_lpm",
         "schedule.mood",

@@ -15,7 +15,7 @@ from service.context import Context
 from service.demo.fleet import DemoRecord
 from service.running import opened
 from service.settings import Settings
-from service.thresholds.layers import Scope, effective_thresholds, pump_scopes
+from service.thresholds.layers import LIMITS, Scope, effective_thresholds, pump_scopes
 from service.thresholds.layers import put as put_version
 from tests.service.finished_job import finished
 from tests.service.guarded import guarded_client, key
@@ -42,6 +42,16 @@ def living(client: TestClient) -> list[dict[str, Any]]:
     return [{n: a[n] for n in names} for a in reversed(items) if a["state"] != "withdrawn"]
 
 
+def typed(client: TestClient, name: str, who: dict[str, str] | None = None, **limits: float) -> None:
+    """A pump type like the h225 with other limits."""
+    changes = {
+        f"limits.{limit}": {"value": value, "unit": "L/min" if limit.endswith("lpm") else "bar", "source": "a sheet"}
+        for limit, value in limits.items()
+    }
+    made = client.post("/api/v1/pump-types", json={"id": name, "base": "h225", "changes": changes}, headers=who or {})
+    assert made.status_code == 201, made.text
+
+
 class TestLayers:
     def test_levels_must_be_in_order_where_layers_meet(self, client: TestClient) -> None:
         assert put(client, "fleet/default", {"alarm_off_log_odds": 3.0}).status_code == 200
@@ -56,6 +66,56 @@ class TestLayers:
         assert high.status_code == 422
         assert put(client, "pump-type/h225", {"alarm_off_log_odds": 3.6}).status_code == 422
         assert client.get(f"{URL}/operator/north").status_code == 200
+
+    def test_a_pump_types_own_limits_lie_under_every_layer(self, client: TestClient) -> None:
+        typed(client, "strict", case_flow_lpm=1.2, case_pressure_limit_bar=2.0)
+        client.post("/api/v1/pumps", json={"serial": "P-1", "pump_type": "strict"})
+        flow, pressure = "case_flow_limit_lpm", "case_pressure_limit_bar"
+        own = {"value": 1.2, "unit": "L/min", "from": "pump-type limits"}
+
+        def held(where: str = "pump/P-1", name: str = flow) -> dict[str, Any]:
+            found: dict[str, Any] = client.get(f"{URL}/{where}").json()["values"][name]
+            return found
+
+        assert held() == held("pump-type/strict") == own
+        assert held(name=pressure) == {"value": 2.0, "unit": "bar", "from": "pump-type limits"}
+        assert held(name="baseline_records")["from"] == "default"
+        # where there is no pump there is no limit of its type
+        for where in ("fleet/default", "operator/default"):
+            assert (held(where)["value"], held(where)["from"]) == (1.5, "default")
+        assert client.get("/api/v1/pumps/P-1/forecast").json()["limit"] == 1.2
+        put(client, "fleet/default", {flow: 1.4})
+        assert held() == {"value": 1.4, "unit": "L/min", "from": "fleet/default"}
+        assert held(name=pressure)["value"] == 2.0
+        answer = put(client, "pump/P-1", {flow: 1.1, pressure: 3.0}).json()["values"]
+        assert answer[flow] == {"value": 1.1, "unit": "L/min", "from": "pump/P-1"}
+        assert answer[pressure]["from"] == "pump/P-1"
+        put(client, "pump/P-1", {}, '"2"')
+        put(client, "fleet/default", {}, '"1"')
+        assert held() == own
+
+    def test_a_types_limit_may_lie_outside_what_can_be_set(self, client: TestClient) -> None:
+        """A larger pump leaks more than any threshold of ours could say: its own limit is a fact, no setting."""
+        typed(client, "large", case_flow_lpm=32.0, case_pressure_limit_bar=0.0)
+        values = client.get(f"{URL}/pump-type/large").json()["values"]
+        assert (values["case_flow_limit_lpm"]["value"], values["case_flow_limit_lpm"]["from"]) == (32.0, LIMITS)
+        # zero is no limit
+        assert (values["case_pressure_limit_bar"]["value"], values["case_pressure_limit_bar"]["from"]) == (
+            3.5,
+            "default",
+        )
+        assert put(client, "pump-type/large", {"case_flow_limit_lpm": 32.0}).status_code == 422
+        assert put(client, "pump-type/large", {"alarm_records": 4}).status_code == 200
+
+    def test_every_operators_type_of_a_name_has_its_own_limits(self, database_url: str, tmp_path: Path) -> None:
+        with guarded_client(database_url, tmp_path) as client:
+            for operator, limit in (("north", 1.2), ("south", 1.3)):
+                engineer = key(client, "engineer", operator)
+                typed(client, "ours", engineer, case_flow_lpm=limit)
+                client.post("/api/v1/pumps", json={"serial": "P-1", "pump_type": "ours"}, headers=engineer)
+                for where in ("pump/P-1", "pump-type/ours"):
+                    values = client.get(f"{URL}/{where}", headers=engineer).json()["values"]
+                    assert values["case_flow_limit_lpm"]["value"] == limit
 
     def test_not_a_number_is_no_threshold(self, client: TestClient) -> None:
         content = b'{"values": {"alarm_records": NaN}, "reason": "x"}'

@@ -44,6 +44,18 @@ def test_a_derived_set_changes_what_it_says_in_any_unit_of_the_kind_and_nothing_
     assert (8.0 / 8.74348) ** 3 < flows[0] / flows[1] < 0.9
 
 
+def test_a_document_older_than_a_limit_has_the_references() -> None:
+    """Documents of release 1.0 lie in databases: what judges with them must still be read."""
+    kind = pump_type("h225")
+    document = document_of(kind)
+    del document["limits"]["case_pressure_limit_bar"]
+    assert pump_type_from(document) == kind
+    del document["limits"]["case_flow_lpm"]
+    with pytest.raises(ParameterFaultsError) as found:
+        pump_type_from(document)
+    assert [where for where, _ in found.value.faults] == ["limits.case_flow_lpm"]
+
+
 def test_every_fault_is_named_with_its_unit() -> None:
     changes = {
         "slipper.h": {"value": 8.0, "unit": "bar", "source": ""},

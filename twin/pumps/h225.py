@@ -171,6 +171,12 @@ LIMITS: Mapping[str, Quantity] = {
     "reference_temperature_k": Quantity(333.15, "K", "Mkadara 2020, table 2-1: 60 degC"),
     "zero_flow_pressure_low_bar": Quantity(173.0, "bar", "Mkadara 2020, table 2-1"),
     "zero_flow_pressure_high_bar": Quantity(177.0, "bar", "Mkadara 2020, table 2-1"),
+    "case_pressure_limit_bar": Quantity(
+        3.5,
+        "bar",
+        "estimate, over the reservoir: shaft seal and case of such pumps are commonly rated for a few bar",
+        0.3,
+    ),
 }
 
 POPULATION: Mapping[str, Quantity] = {

@@ -17,6 +17,8 @@ _DERIVED = ("id", "base", "title", "changes")
 _SENSOR = ("full_scale_bar", "accuracy_percent_full_scale", "repeatability_percent_full_scale")
 _LIKE_UNITS = (("m", "mm", "um"), ("cm3", "mm3", "L"), ("bar", "MPa", "Pa"), ("rad", "deg"), ("N/m", "N/mm"))
 _REFERENCE = PUMP_TYPES["h225"]
+_LATER = ("limits.case_pressure_limit_bar",)
+"""Quantities that documents written by release 1.0 do not have; they stand for the reference's."""
 _LONGEST = 500
 
 
@@ -132,11 +134,12 @@ def _group(group: str, given: Any, faults: list[tuple[str, str]]) -> dict[str, Q
     reference: Mapping[str, Quantity] = getattr(_REFERENCE, group)
     found = dict(_flat(given)) if isinstance(given, Mapping) else {}
     faults += [(f"{group}.{name}", "is no quantity of a pump") for name in found if name not in reference]
-    faults += [(f"{group}.{name}", "is missing") for name in reference if name not in found]
+    missing = [name for name in reference if name not in found and f"{group}.{name}" not in _LATER]
+    faults += [(f"{group}.{name}", "is missing") for name in missing]
     return {
-        name: _quantity(f"{group}.{name}", found[name], like, group != "quantities", faults)
+        name: _quantity(f"{group}.{name}", found[name], like, group != "quantities", faults) if name in found else like
         for name, like in reference.items()
-        if name in found
+        if name not in missing
     }
 
 

@@ -20,6 +20,7 @@ from service.storage.tables.records import (
     Refusal,
     StoredAssessment,
     case_flow_of,
+    case_pressure_beyond,
 )
 from service.storage.tables.registry import Aircraft, Pump, ReferenceCurve, RegistryVersion
 from service.storage.tables.snapshots import FoldSnapshot
@@ -71,4 +72,5 @@ __all__ = [
     "VerdictRevision",
     "Webhook",
     "case_flow_of",
+    "case_pressure_beyond",
 ]

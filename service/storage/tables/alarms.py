@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ForeignKey, Index
+from sqlalchemy import ForeignKey, Index, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.answers.alarms import AlarmEvent
@@ -37,6 +37,7 @@ class Alarm(Base):
     side: Mapped[str]
     candidates: Mapped[list[str]] = mapped_column(JSON_COLUMN)
     beyond_limit: Mapped[bool]
+    case_pressure_beyond: Mapped[bool] = mapped_column(server_default=false())
     shelved_until: Mapped[datetime | None]
     closed_at: Mapped[datetime | None]
     withdrawn_at: Mapped[datetime | None]

@@ -39,12 +39,18 @@ class Installation(Entry, Base):
 
 
 class MaintenanceEvent(Entry, Base):
-    """Something done that resets what it touches; ``action`` in the words of ``detectors.judgement.assessment``."""
+    """Something done that frees what it names; ``action`` in the words of ``detectors.words.observation``.
+
+    ``fluid`` is the product after ``fluid_changed``, ``channel`` the sensor's after ``sensor_replaced``; None where nobody
+    said, and on rows older than they.
+    """
 
     __tablename__ = "maintenance_events"
 
     at: Mapped[datetime]
     action: Mapped[str]
+    fluid: Mapped[str | None]
+    channel: Mapped[str | None]
     note: Mapped[str]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ForeignKey, Index, text
+from sqlalchemy import ForeignKey, Index, false, text
 from sqlalchemy.orm import Mapped, mapped_column, validates
 
 from service.answers.problems import Problem
@@ -115,9 +115,9 @@ class Record(Base):
 class StoredAssessment(Base):
     """The fold's answer right after one record, and where the pump sat; rewritten when an earlier record arrives.
 
-    ``chain`` names everything that it was folded from (``service.monitoring.chain``). ``side``, ``candidates`` and
-    ``case_flow_lpm`` (at the reference condition) repeat what alarms need of every verdict of a history; they follow every
-    verdict that is assigned. All four are empty on rows older than they.
+    ``chain`` names everything that it was folded from (``service.monitoring.chain``). ``side``, ``candidates``,
+    ``case_flow_lpm`` (at the reference condition) and ``case_pressure_beyond`` repeat what alarms need of every verdict of a
+    history; they follow every verdict that is assigned. The first four are empty on rows older than they, the last is false.
     """
 
     __tablename__ = "assessments"
@@ -135,11 +135,13 @@ class StoredAssessment(Base):
     side: Mapped[str | None]
     candidates: Mapped[list[Any] | None]
     case_flow_lpm: Mapped[float | None]
+    case_pressure_beyond: Mapped[bool] = mapped_column(server_default=false())
 
     @validates("verdict")
     def _repeated(self, _name: str, verdict: Verdict) -> Verdict:
         self.side, self.candidates = verdict["side"], list(verdict["candidates"])
         self.case_flow_lpm = case_flow_of(verdict)
+        self.case_pressure_beyond = case_pressure_beyond(verdict)
         return verdict
 
 
@@ -147,6 +149,12 @@ def case_flow_of(verdict: Verdict) -> float | None:
     """Case flow at the reference condition of a verdict as it is stored; None where it has no estimate."""
     estimate = (verdict.get("estimates") or {}).get("case_flow_at_reference_lpm")
     return estimate["mean"] if estimate else None
+
+
+def case_pressure_beyond(verdict: Verdict) -> bool:
+    """What the plain rule of case pressure says in a verdict as it is stored; false where there is no word of it."""
+    rule = verdict.get("case_pressure")
+    return rule is not None and rule["beyond"]
 
 
 class Refusal(Base):

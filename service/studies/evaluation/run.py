@@ -104,7 +104,9 @@ def judge_chunk(chunk: Chunk, folder: Path) -> None:
     """Judge one chunk and keep what was found in ``folder``."""
     kind, circuit = pump_type(chunk.pump_type), circuit_parameters(chunk.circuit)
     judge = judged_in_class if chunk.row.in_class else judged
-    outcome = judge(chunk.row, chunk.reality, kind, circuit, effective({}), chunk.seed, chunk.number, chunk.n_pumps)
+    outcome = judge(
+        chunk.row, chunk.reality, kind, circuit, effective({}, kind), chunk.seed, chunk.number, chunk.n_pumps
+    )
     if chunk.row.limit is not None:
         outcome = with_forecasts(outcome, chunk.row.limit)
     store.keep(folder, chunk, outcome)

@@ -13,6 +13,7 @@ from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, Condition, Health
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES, circuit_parameters
 from twin.pumps.circuits import CIRCUITS
+from twin.pumps.fluids import FLUIDS, with_fluid
 from twin.recording import TIME
 from twin.simulation.run import simulate, stepping
 from twin.simulation.scenario import GAP_INPUTS, Scenario, Schedule, Value
@@ -31,7 +32,10 @@ Number = float | Sequence[float]
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What was asked for, before it is checked; ``health`` holds constants, or times with their values."""
+    """What was asked for, before it is checked; ``health`` holds constants, or times with their values.
+
+    ``fluid`` is a product; None for the pump type's own.
+    """
 
     pump_type: str
     circuit: str
@@ -40,6 +44,7 @@ class Asked:
     schedule_time_s: Sequence[float] | None
     schedule: Mapping[str, Number]
     health: Mapping[str, float | tuple[Sequence[float], Sequence[float]]]
+    fluid: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +53,7 @@ class Checked:
 
     kind: PumpType
     circuit: str
+    fluid: str | None
     scenario: Scenario
     sample_rate_hz: float
 
@@ -60,9 +66,11 @@ def checked(asked: Asked, types: Mapping[str, PumpType] = PUMP_TYPES) -> Checked
     Invalid
         naming every fault: unknown names, unequal lengths, values out of range, a run that is too long.
     """
+    named = [("pump_type", asked.pump_type, types), ("circuit", asked.circuit, CIRCUITS)]
+    named += [("fluid", asked.fluid, FLUIDS)] if asked.fluid is not None else []
     faults = [
         Fault(where, f"{value!r} is not one of {', '.join(sorted(known))}")
-        for where, value, known in (("pump_type", asked.pump_type, types), ("circuit", asked.circuit, CIRCUITS))
+        for where, value, known in named
         if value not in known
     ]
     faults += _size_faults(asked)
@@ -83,7 +91,7 @@ def checked(asked: Asked, types: Mapping[str, PumpType] = PUMP_TYPES) -> Checked
         faults.append(Fault("sample_rate_hz", f"{asked.sample_rate_hz:g} Hz give no sample within {duration:g} s"))
     if faults:
         raise Invalid(f"the simulation has {len(faults)} fault(s)", faults)
-    return Checked(kind, asked.circuit, scenario, asked.sample_rate_hz)
+    return Checked(with_fluid(kind, asked.fluid), asked.circuit, asked.fluid, scenario, asked.sample_rate_hz)
 
 
 def simulated_json(asked: Checked) -> bytes:
@@ -104,6 +112,7 @@ def simulated_json(asked: Checked) -> bytes:
     about = {
         "pump_type": asked.kind.name,
         "circuit": asked.circuit,
+        "fluid": asked.fluid,
         "duration_s": asked.scenario.duration_s,
         "sample_rate_hz": asked.sample_rate_hz,
         "pressure_reference": "gauge",

@@ -1,13 +1,13 @@
-"""Forms of the pump page: alarms acknowledged, shelved, taken back, closed; findings entered. They work without script."""
+"""Forms of the pump page: alarms handled, findings and maintenance entered. They work without script."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 from urllib.parse import quote, urlsplit
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from service.access import audit
 from service.access.security import EVERYBODY, Principal
@@ -16,13 +16,14 @@ from service.alarms.handling import Wish, handle
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
 from service.context import Context
 from service.errors import Fault, Forbidden, Invalid, Problem
-from service.registry import findings
+from service.registry import findings, maintenance
 from service.registry.locks import locked_pump
 from service.web.dashboard.pages import html_page
 from service.web.dependencies import context_of, visitor_of
 
 action_router = APIRouter(include_in_schema=False)
 _Field = Annotated[str, Form(max_length=2000)]
+AnyBody = TypeVar("AnyBody", bound=BaseModel)
 _KINDS = {"acknowledge": ACKNOWLEDGE, "shelve": SHELVE, "unshelve": UNSHELVE, "close": CLOSE}
 
 
@@ -63,16 +64,10 @@ def enter_finding(
 
     def done(context: Context, who: Principal) -> str:
         who.require("analyst")
-        # the field of a form has no zone: the pages speak UTC
-        zoned = at if at.endswith("Z") else f"{at}Z"
-        values: dict[str, Any] = {"at": zoned, "found": found, "removed": bool(removed), "note": note}
+        values: dict[str, Any] = {"at": _zoned(at), "found": found, "removed": bool(removed), "note": note}
         if measured_case_flow_lpm.strip():
             values["measured_case_flow_lpm"] = measured_case_flow_lpm.strip()
-        try:
-            body = findings.NewFinding.model_validate(values)
-        except ValidationError as error:
-            faults = [Fault(".".join(str(part) for part in e["loc"]), e["msg"]) for e in error.errors()]
-            raise Invalid(f"the finding has {len(faults)} fault(s); nothing was entered", faults) from None
+        body = _checked(findings.NewFinding, values, "finding")
         with context.database.writing() as session:
             pump = locked_pump(session, who, serial, operator)
             row = findings.create(session, pump, body, who.owner)
@@ -81,6 +76,45 @@ def enter_finding(
             return _pump_link(pump.serial, pump.operator, "findings")
 
     return _answered(request, csrf_token, done, lambda _context, _who: _pump_link(serial, operator, "findings"))
+
+
+@action_router.post("/pumps/{serial}/maintenance")
+def enter_maintenance(
+    request: Request,
+    serial: str,
+    operator: str | None = None,
+    csrf_token: _Field = "",
+    at: _Field = "",
+    action: _Field = "",
+    fluid: _Field = "",
+    channel: _Field = "",
+    note: _Field = "",
+) -> Response:
+    """Enter what was done to the pump or around it and go back to the pump."""
+
+    def done(context: Context, who: Principal) -> str:
+        who.require("engineer")
+        values = {"at": _zoned(at), "action": action, "note": note}
+        # a choice that is left open says nothing
+        values |= {name: said for name, said in (("fluid", fluid), ("channel", channel)) if said}
+        body = _checked(maintenance.NewMaintenance, values, "entry")
+        with context.database.writing() as session:
+            pump = locked_pump(session, who, serial, operator)
+            row = maintenance.create(session, pump, body, who.owner, context.archive)
+            details = body.model_dump(mode="json", exclude_unset=True)
+            audit.note(session, who, "maintenance.enter", f"pump/{serial}/maintenance/{row.id}", pump.operator, details)
+            return _pump_link(pump.serial, pump.operator, "maintenance")
+
+    return _answered(request, csrf_token, done, lambda _context, _who: _pump_link(serial, operator, "maintenance"))
+
+
+def _checked(kind: type[AnyBody], values: Mapping[str, Any], what: str) -> AnyBody:
+    """Values of a form as the API takes them; one error names every fault."""
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        faults = [Fault(".".join(str(part) for part in e["loc"]), e["msg"]) for e in error.errors()]
+        raise Invalid(f"the {what} has {len(faults)} fault(s); nothing was entered", faults) from None
 
 
 def _answered(
@@ -116,6 +150,11 @@ def _check_origin(request: Request) -> None:
     origin = urlsplit(request.headers.get("origin", ""))
     if origin.netloc != request.headers.get("host", ""):
         raise Forbidden("the form does not come from these pages: open the page again and repeat")
+
+
+def _zoned(text: str) -> str:
+    """Time of a form's field with the zone that it lacks: the pages speak UTC."""
+    return text if text.endswith("Z") else f"{text}Z"
 
 
 def _instant(text: str, where: str) -> datetime:

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from starlette.staticfiles import StaticFiles
 
 from detectors.curve.picture import curve_svg
-from detectors.words.verdict import FAULTS, TREND_METRICS, State
+from detectors.words.verdict import CAUSES, TREND_METRICS
 from service import __version__
 from service.access.security import Principal
 from service.alarms import reading
@@ -25,14 +25,16 @@ from service.reading import queries
 from service.reading.agreement import judged_findings, rates
 from service.reading.curve import curve_of
 from service.reading.fleet import fleet, pump_documents
-from service.reading.forecast import forecast_of
+from service.reading.forecast import forecast_of, with_crossing
 from service.reading.trend import points_of, trend_of
-from service.registry import findings
+from service.registry import findings, maintenance
 from service.reports.charts import sparkline_svg, trend_svg
-from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
-from service.storage.tables import Finding, Pump
+from service.reports.remarks import remarks
+from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, FILTERS, MARKS, WORDS
+from service.storage.tables import Finding, MaintenanceEvent, Pump
 from service.thresholds.layers import thresholds_of
 from service.web.dependencies import context_of, principal, visitor_of
+from twin.pumps.fluids import FLUIDS
 
 _HERE = Path(__file__).resolve().parent
 STATIC = StaticFiles(directory=_HERE / "static")
@@ -154,10 +156,12 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
         document = pump_documents(session, [row])[0]
         if document["records"] == 0:
             raise NotFound(f"pump {serial} has no analysed record yet")
+        verdict = with_crossing(session, row, queries.verdict(session, row))
         values = {
             "request": request,
             "pump": document,
-            "verdict": queries.verdict(session, row),
+            "verdict": verdict,
+            "remarks": remarks(verdict),
             "changes": queries.verdict_changes(session, row)[::-1],
             "curve": Markup(curve_svg(curve_of(session, row, None, None, None).curve, f"pump {serial}")),  # noqa: S704
             "forecast": forecast_of(session, row),
@@ -167,8 +171,12 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
                 findings.document(f)
                 for f in sorted(entries(session, Finding, row.id), key=lambda f: f.at, reverse=True)
             ],
+            "maintenance": [
+                maintenance.document(e)
+                for e in sorted(entries(session, MaintenanceEvent, row.id), key=lambda e: e.at, reverse=True)
+            ],
             **_actions(request, session, asker, row),
-            "faults": [State.HEALTHY, *FAULTS],
+            "causes": CAUSES,
             "api": f"/api/v1/pumps/{quote(serial, '')}",
         }
     return "pump.html", 200, values
@@ -184,7 +192,12 @@ def _actions(request: Request, session: Session, asker: Principal, row: Pump) ->
     return {
         "may_act": asker.may("analyst"),
         "csrf_token": visitor.csrf_token if visitor else "",
+        "may_maintain": asker.may("engineer"),
         "finding_action": f"/pumps/{quote(row.serial, '')}/findings?operator={quote(row.operator, '')}",
+        "maintenance_action": f"/pumps/{quote(row.serial, '')}/maintenance?operator={quote(row.operator, '')}",
+        "action_words": ACTION_WORDS,
+        "fluids": sorted(FLUIDS),
+        "channels": get_args(maintenance.Channel),
         "found_words": {name: WORDS.get(name, "No fault found") for name in get_args(findings.Found)},
         "longest_shelf_h": longest,
         "now": _local(now),

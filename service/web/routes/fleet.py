@@ -35,7 +35,7 @@ def summary(context: ContextOf, asker: Asker) -> FleetSummary:
         "records": sum(p["records"] for p in pumps),
         "by_state": dict(Counter(p["state"] for p in pumps)),
         "by_side": dict(Counter(p["side"] for p in pumps)),
-        "attention": [p for p in pumps if p["state"] not in QUIET],
+        "attention": [p for p in pumps if p["state"] not in QUIET or p["case_pressure_beyond"]],
         "silent": [p for p in pumps if p["silent"]],
         "findings": rates(judged),
     }

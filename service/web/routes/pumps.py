@@ -18,7 +18,7 @@ from service.monitoring.refold import verdict_known_at
 from service.reading import queries
 from service.reading.curve import curve_of
 from service.reading.fleet import pump_documents
-from service.reading.forecast import forecast_of
+from service.reading.forecast import forecast_of, with_crossing
 from service.reading.raster import png_of
 from service.reading.trend import check_metric, trend_of
 from service.registry import pumps as registry
@@ -105,7 +105,7 @@ def verdict(
         row = queries.pump(session, asker, serial, operator)
         if known_at is not None:
             return verdict_known_at(session, row, context.archive, known_at, at)
-        return queries.verdict(session, row, at)
+        return with_crossing(session, row, queries.verdict(session, row, at), at)
 
 
 @router.get("/{serial}/verdicts", summary="Every change of verdict")

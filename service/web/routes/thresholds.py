@@ -133,7 +133,7 @@ def restored(
     with context.database.writing() as session:
         layers = _layers(session, asker, scope, scope_id, operator)
         own = restore(session, layers[-1], number, body.reason if body else None, asker, if_match)
-        answer = _answered(session, response, scope, scope_id, layers, own)
+        answer = _answered(response, layers[-1], _holds(session, asker, layers), own)
     refold_after("thresholds_changed", own.number, context, asker, background, layers[-1])
     return answer
 
@@ -145,7 +145,7 @@ def effective(
     """Effective values with the layer each comes from; the ETag is this layer's own version."""
     with context.database.reading() as session:
         layers = _layers(session, asker, scope, scope_id, operator)
-        found, own = effective_thresholds(session, layers), latest(session, layers[-1])
+        found, own = _holds(session, asker, layers), latest(session, layers[-1])
         response.headers["ETag"] = etag(own)
         return _document(scope, scope_id, found, own.number if own else 0, own.values if own else {})
 
@@ -167,7 +167,7 @@ def change(
     with context.database.writing() as session:
         layers = _layers(session, asker, scope, scope_id, operator)
         own = put(session, layers[-1], body.values, body.reason, asker, if_match)
-        answer = _answered(session, response, scope, scope_id, layers, own)
+        answer = _answered(response, layers[-1], _holds(session, asker, layers), own)
     refold_after("thresholds_changed", own.number, context, asker, background, layers[-1])
     return answer
 
@@ -178,16 +178,17 @@ def _require_setter(asker: Principal, scope: str) -> None:
         raise Forbidden(f"{scope} thresholds hold for every operator; {asker.owner} belongs to one")
 
 
-def _answered(
-    session: Session,
-    response: Response,
-    scope: str,
-    scope_id: str,
-    layers: tuple[Scope, ...],
-    own: ThresholdVersion,
-) -> Thresholds:
+def _answered(response: Response, layer: Scope, found: Effective, own: ThresholdVersion) -> Thresholds:
     response.headers["ETag"] = etag(own)
-    return _document(scope, scope_id, effective_thresholds(session, layers), own.number, own.values)
+    return _document(layer.kind, layer.id, found, own.number, own.values)
+
+
+def _holds(session: Session, asker: Principal, layers: tuple[Scope, ...]) -> Effective:
+    """What layers give, over the limits of the pump type that is among them."""
+    operator = next((layer.operator for layer in layers if layer.kind == "pump"), asker.operator)
+    names = [layer.id for layer in layers if layer.kind == "pump-type"]
+    kind = find_type(session, operator, names[0]) if names else None
+    return effective_thresholds(session, layers, kind=kind)
 
 
 def _layers(session: Session, asker: Principal, scope: str, scope_id: str, operator: str | None) -> tuple[Scope, ...]:

@@ -6,6 +6,7 @@ from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from service.answers import twin as answers
+from service.bodies import FluidName
 from service.errors import Invalid
 from service.pump_types.parameter_sets import asked_type
 from service.web.answer_route import AnswerRoute
@@ -13,6 +14,7 @@ from service.web.dependencies import Asker, ContextOf
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
 from twin.operating_point import operating_points, problem
 from twin.pumps import circuit_parameters
+from twin.pumps.fluids import with_fluid
 
 router = APIRouter(prefix="/twin", tags=["twin"], route_class=AnswerRoute)
 MOST_CONDITIONS = 10_000
@@ -37,7 +39,7 @@ class HealthInput(BaseModel):
 
 
 class ConditionInput(BaseModel):
-    """Where the pump runs."""
+    """Where the pump runs, and with which fluid; without one the pump type's own."""
 
     model_config = ConfigDict(extra="forbid")
     speed_rpm: FiniteFloat
@@ -45,6 +47,7 @@ class ConditionInput(BaseModel):
     reservoir_pressure_bar: FiniteFloat = 0.0
     discharge_flow_lpm: FiniteFloat = 0.0
     circuit: Literal["shared_return", "separate_drain", "acceptance_stand"] = "shared_return"
+    fluid: FluidName | None = None
     health: HealthInput = HealthInput()
 
 
@@ -65,16 +68,18 @@ class OperatingPointRequest(BaseModel):
 def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> answers.OperatingPoints:
     """Solve every condition; one without a solution gets a problem in its place."""
     with context.database.reading() as session:
-        pump = asked_type(session, asker.operator, body.pump_type, "pump_type").pump
+        kind = asked_type(session, asker.operator, body.pump_type, "pump_type")
     items: list[answers.OperatingPoint] = [{} for _ in body.conditions]
-    for circuit in sorted({c.circuit for c in body.conditions}):
-        places = [i for i, c in enumerate(body.conditions) if c.circuit == circuit]
+    around = [(c.circuit, c.fluid) for c in body.conditions]
+    for circuit, fluid in sorted(set(around), key=str):
+        places = [i for i, surroundings in enumerate(around) if surroundings == (circuit, fluid)]
         asked = [body.conditions[i] for i in places]
         conditions = [
             Condition(c.speed_rpm, c.fluid_temperature_degc, c.reservoir_pressure_bar, c.discharge_flow_lpm)
             for c in asked
         ]
         healths = [Health(**c.health.model_dump()) for c in asked]
+        pump = with_fluid(kind, fluid).pump
         points = operating_points(pump, input_rows(conditions, healths), circuit_parameters(circuit), derivatives=True)
         for k, place in enumerate(places):
             items[place] = _item(points, k)

@@ -9,6 +9,7 @@ from detectors.isolability.bounds import isolability
 from detectors.isolability.plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
 from detectors.isolability.table import REPEATABILITY_SHARE
 from service.answers import twin as answers
+from service.bodies import FluidName
 from service.errors import Fault, Invalid
 from service.pump_types.parameter_sets import find_type, types
 from service.studies.isolability_document import isolability_document
@@ -17,6 +18,7 @@ from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType, Sensor
 from twin.pumps import PUMP_TYPES, circuit_parameters
 from twin.pumps.circuits import CIRCUITS
+from twin.pumps.fluids import with_fluid
 
 router = APIRouter(prefix="/twin", tags=["twin"], route_class=AnswerRoute)
 _CHANNELS = {
@@ -71,7 +73,7 @@ class SensorsInput(BaseModel):
 
 
 class IsolabilityRequest(BaseModel):
-    """One study; the defaults are the pump type's own sensors."""
+    """One study; the defaults are the pump type's own sensors and its own fluid."""
 
     model_config = ConfigDict(
         extra="forbid",
@@ -79,6 +81,7 @@ class IsolabilityRequest(BaseModel):
     )
     pump_type: str = "h225"
     circuit: Annotated[str, AfterValidator(_circuit)] = "shared_return"
+    fluid: FluidName | None = None
     sensors: SensorsInput = SensorsInput()
     temperature_range_degc: Annotated[tuple[Temperature, Temperature], AfterValidator(_rising)] = (30.0, 80.0)
     baseline_flights: Annotated[int, _within("baseline_flights")] = 30
@@ -98,7 +101,7 @@ def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> answers
         asked = find_type(session, asker.operator, body.pump_type)
         known = ", ".join(t.name for t in types(session, asker.operator)) if asked is None else ""
     # the rest of the study is looked at all the same: one answer names every fault
-    kind = asked or PUMP_TYPES["h225"]
+    kind = with_fluid(asked or PUMP_TYPES["h225"], body.fluid)
     wrong = [] if asked else [Fault("body.pump_type", f"{body.pump_type!r} is not one of {known}")]
     try:
         found = isolability(_plan(body, kind), kind, circuit_parameters(body.circuit))
@@ -107,7 +110,7 @@ def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> answers
         raise Invalid(f"the study has {len(faults)} fault(s)", faults) from None
     if wrong:
         raise Invalid("the study has 1 fault(s)", wrong)
-    return {**isolability_document(found), "pump_type": body.pump_type, "circuit": body.circuit}
+    return {**isolability_document(found), "pump_type": body.pump_type, "circuit": body.circuit, "fluid": body.fluid}
 
 
 def _plan(body: IsolabilityRequest, kind: PumpType) -> Plan:

@@ -33,7 +33,10 @@ class HealthSchedule(BaseModel):
 
 
 class SimulationRequest(BaseModel):
-    """One run; speed and temperature are the pump type's nominal speed and 50 degC where the schedule is silent."""
+    """One run; speed and temperature are the pump type's nominal speed and 50 degC where the schedule is silent.
+
+    Without ``fluid`` the pump is filled with its type's own.
+    """
 
     model_config = ConfigDict(
         extra="forbid",
@@ -49,6 +52,7 @@ class SimulationRequest(BaseModel):
     )
     pump_type: str = "h225"
     circuit: str = "shared_return"
+    fluid: str | None = None
     duration_s: FiniteFloat
     sample_rate_hz: FiniteFloat = 1000.0
     schedule: dict[str, FiniteFloat | list[FiniteFloat]] = {}
@@ -83,6 +87,7 @@ def _asked(body: SimulationRequest) -> Asked:
     return Asked(
         pump_type=body.pump_type,
         circuit=body.circuit,
+        fluid=body.fluid,
         duration_s=body.duration_s,
         sample_rate_hz=body.sample_rate_hz,
         schedule_time_s=[float(time)] if isinstance(time, int | float) else time,

@@ -1,0 +1,1 @@
+"""Small pictures that every report draws alike."""

@@ -1,0 +1,122 @@
+"""What a verdict says besides its headline, in words: how well it fits, what it cannot see, what is missing, what may come."""
+
+from collections.abc import Callable
+from datetime import datetime
+from typing import NamedTuple
+
+from detectors.words.states import row_of
+from detectors.words.verdict import ESTIMATES
+from service.answers.verdicts import BlindSpot, MissingEvidence, Verdict
+from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES
+
+
+class Remark(NamedTuple):
+    """A heading and its sentences; neither holds markup."""
+
+    heading: str
+    sentences: tuple[str, ...]
+
+
+def remarks(verdict: Verdict) -> list[Remark]:
+    """Remarks on a verdict in the shape of the API; nothing of what it does not say, nor of what older releases knew not."""
+    found = [Remark(heading, tuple(said(verdict))) for heading, said in _SAID]
+    return [remark for remark in found if remark.sentences]
+
+
+def _fit(verdict: Verdict) -> list[str]:
+    fit = verdict.get("fit")
+    if fit is None or fit["records"] == 0:
+        return []
+    last = "the last record" if fit["records"] == 1 else f"the last {fit['records']} records"
+    words = f"explains {fit['explained']} of {last}"
+    return [words if fit["since"] is None else f"{words}; none since {_day(fit['since'])}"]
+
+
+def _blind_spots(verdict: Verdict) -> list[str]:
+    return [_blind_spot(spot) for spot in verdict.get("blind_spots", [])]
+
+
+def _blind_spot(spot: BlindSpot) -> str:
+    name, unit = spot["quantity"], ESTIMATES.get(spot["quantity"], "")
+    words = ESTIMATE_NAMES.get(name, name).removesuffix(", change")
+    size = "of any size" if spot["below"] is None else f"below {spot['below']:.2g} {unit}".rstrip()
+    return f"{words}: changes {size} stay unseen, because {spot['because']}"
+
+
+def _intermittent(verdict: Verdict) -> list[str]:
+    found = verdict.get("intermittent")
+    if found is None:
+        return []
+    return [f"{_word(found['state'])} on {found['records']} of {found['of']} records, first on {_day(found['since'])}"]
+
+
+def _resolved(verdict: Verdict) -> list[str]:
+    found = verdict.get("resolved_by")
+    if found is None:
+        return []
+    done = " and ".join(_action(action) for action in found["action"].split("+"))
+    return [f"{_word(found['state'])} ended on {_day(found['at'])}: {done}"]
+
+
+def _missing(verdict: Verdict) -> list[str]:
+    return [_evidence(item) for item in verdict.get("missing_evidence", [])]
+
+
+def _evidence(item: MissingEvidence) -> str:
+    count = f"{item['records']} record{'' if item['records'] == 1 else 's'}"
+    between = " and ".join(_word(cause) for cause in item["would_decide"])
+    return f"{item['what']}, {count}" + (f": would decide between {between}" if between else "")
+
+
+def _limit(verdict: Verdict) -> list[str]:
+    said = []
+    beyond, crossing = verdict.get("probability_beyond_limit"), verdict.get("crossing")
+    if beyond is not None:
+        said.append(f"case flow at the reference condition is beyond its limit with a probability of {_share(beyond)}")
+    if crossing is not None:
+        hours = f"{crossing['within_flight_hours']:g} flight hours"
+        said.append(f"it crosses the limit within {hours} with a probability of {_share(crossing['probability'])}")
+    return said
+
+
+def _case_pressure(verdict: Verdict) -> list[str]:
+    rule = verdict.get("case_pressure")
+    if rule is None:
+        return []
+    said = "beyond the rule, whatever the cause" if rule["beyond"] else "within the rule"
+    return [
+        f"{rule['over_reservoir_bar']:.2f} bar over the reservoir on the last flight: {said} (twice this pump's own reference of "
+        f"{rule['reference_bar']:.2f} bar, or {rule['limit_bar']:g} bar)"
+    ]
+
+
+_SAID: tuple[tuple[str, Callable[[Verdict], list[str]]], ...] = (
+    ("The leading cause", _fit),
+    ("Cannot be seen", _blind_spots),
+    ("Comes and goes", _intermittent),
+    ("Resolved", _resolved),
+    ("Still missing", _missing),
+    ("Limit", _limit),
+    ("Case pressure", _case_pressure),
+)
+
+
+def _word(state: str) -> str:
+    return row_of(state).word
+
+
+def _action(action: str) -> str:
+    words = ACTION_WORDS.get(action, action.replace("_", " "))
+    return words[:1].lower() + words[1:]
+
+
+def _day(instant: str) -> str:
+    return f"{datetime.fromisoformat(instant):%d %b %Y}"
+
+
+def _share(probability: float) -> str:
+    """A probability in per cent that never says 0 or 100 where it is neither."""
+    percent = 100.0 * probability
+    if 0.0 < percent < 1.0:
+        return "less than 1 %"
+    return "more than 99 %" if 99.0 < percent < 100.0 else f"{percent:.0f} %"
