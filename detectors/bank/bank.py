@@ -141,8 +141,12 @@ Expected = tuple[float, float, float]
 
 
 def _touched_by(freed: Mapping[str, float | None]) -> NDArray[np.bool_]:
-    """Kinds of fault that move one of these components, shape (N_KINDS,)."""
-    return np.array([any(name in freed for name, _ in (*k.moves, *k.law.moves)) for k in FAULT_KINDS])
+    """Kinds of fault that move a component of which nothing is known any more, shape (N_KINDS,).
+
+    What may differ a little from what it was ends nothing.
+    """
+    unknown = {name for name, like_before in freed.items() if like_before is None}
+    return np.array([any(name in unknown for name, _ in (*k.moves, *k.law.moves)) for k in FAULT_KINDS])
 
 
 @dataclass(frozen=True, slots=True)
@@ -455,7 +459,6 @@ class Bank:
         n, filters = self.n, self.filters
         kept = ~np.append(_touched_by(freed), False)[filters.kind[:n]]
         ended = np.flatnonzero(~kept)
-        self.ended = self.resolving = HEALTHY
         took_over = False
         if len(ended):
             evidence = filters.log_evidence[:n]
@@ -465,6 +468,10 @@ class Bank:
             if took_over:
                 self._take_over(likeliest)
             elif lead > _LEVEL_EVIDENCE:
+                # there is room for so many ends and no more: the least likely gives way
+                gone = np.flatnonzero(filters.kind[:n] == GONE)
+                if len(gone) >= _MOST[STEP]:
+                    kept[gone[evidence[gone].argmin()]] = False
                 self._end(likeliest)
                 kept[likeliest] = True
             if lead > _BEYOND_DOUBT:
