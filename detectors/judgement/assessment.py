@@ -198,11 +198,17 @@ class Fold:
     def pass_over(self, previous: Latest, observation: Observation, history: History) -> None:
         """What happened between two records: a move frees what stays behind, an entry what it names."""
         moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
-        if moved or any(previous.at < t <= observation.at for t in history.installed_at):
+        moved = moved or any(previous.at < t <= observation.at for t in history.installed_at)
+        done = due(history.maintenance, previous.at, observation.at)
+        if moved:
             self.bank.reset(MOVED)
+            self.memory = self.memory.moved()
             self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
             self.touched = True
-        for event in due(history.maintenance, previous.at, observation.at):
+        if moved or done:
+            # a move resolves nothing; several entries between two records are one, and what ended with the first has ended
+            self.bank.ended = self.bank.resolving = HEALTHY
+        for event in done:
             self.memory = self.memory.done(event.action, event.at)
             self.bank.reset(freed_by(event))
             filled = viscosity_of(event, self.pump)
