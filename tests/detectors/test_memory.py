@@ -87,6 +87,14 @@ def test_nothing_ends_with_an_entry_that_nobody_made() -> None:
     assert memory.ended(DRAIN) == memory
 
 
+def test_what_was_left_behind_did_not_come_and_go() -> None:
+    memory = after(Memory(), [DRAIN] * 6).moved()
+    assert after(memory, [None] * 5, 6).came_and_went is None
+    # what was remembered before stays
+    gone = after(Memory(), [DRAIN] * 6 + [None] * 2)
+    assert gone.moved().came_and_went == gone.came_and_went
+
+
 def test_an_entry_alone_resolves_nothing() -> None:
     memory = after(Memory(), [DRAIN] * 6).done("filter_changed", day(6))
     assert memory.resolved is None
