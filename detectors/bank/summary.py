@@ -64,8 +64,6 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
         w, k, amplitude = weights[WHOLE, f], kind[f], mean[f, AMPLITUDE]
         floor = meaning.floors[k] if shape[f] != ARRIVAL else meaning.floors[len(meaning.floors) - 1]
         place = meaning.states[k] if abs(amplitude) >= floor and k >= 0 else healthy
-        if shape[f] == ON_OFF and filters.shown[f] & (filters.shown[f] - 1) == 0:
-            place = healthy  # what showed on one record of all that are remembered is an outlier, and no fault that comes and goes
         change = mean[f, SETTING] - filters.setting_at_onset[f]
         if k >= 0 and meaning.beside[k] >= 0 and abs(change) >= meaning.setting_floor:
             # two faults: the larger, each by its scale, is the first
