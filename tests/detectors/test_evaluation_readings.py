@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.bank.bank import ARRIVAL_KINDS, Bank
+from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS, log_priors
 from detectors.bank.regulation import LOG_HAZARD
 from detectors.bank.shapes import STATED
+from detectors.bank.tables import ARRIVAL_KINDS
 from detectors.evaluation.calibration import N_FINE, Reliability, calibration, calibration_error, equal_mass
 from detectors.evaluation.delays import (
     ALARM,
