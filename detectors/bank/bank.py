@@ -345,7 +345,6 @@ class Bank:
         n, filters = self.n, self.filters
         kept = ~np.append(_touched_by(freed), False)[filters.kind[:n]]
         ended = np.flatnonzero(~kept)
-        self.ended = self.resolving = HEALTHY
         took_over = False
         if len(ended):
             evidence = filters.log_evidence[:n]
@@ -355,6 +354,10 @@ class Bank:
             if took_over:
                 self._take_over(likeliest)
             elif lead > _LEVEL_EVIDENCE:
+                # there is room for so many ends and no more: the least likely gives way
+                gone = np.flatnonzero(filters.kind[:n] == GONE)
+                if len(gone) >= MOST_ONSETS[STEP, GONE]:
+                    kept[gone[evidence[gone].argmin()]] = False
                 self._end(likeliest)
                 kept[likeliest] = True
             if lead > _BEYOND_DOUBT:

@@ -199,11 +199,17 @@ class Fold:
     def pass_over(self, previous: Latest, observation: Observation, history: History) -> None:
         """What happened between two records: a move frees what stays behind, an entry what it names."""
         moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
-        if moved or any(previous.at < t <= observation.at for t in history.installed_at):
+        moved = moved or any(previous.at < t <= observation.at for t in history.installed_at)
+        done = due(history.maintenance, previous.at, observation.at)
+        if moved:
             self.bank.reset(MOVED)
+            self.memory = self.memory.moved()
             self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
             self.touched = True
-        for event in due(history.maintenance, previous.at, observation.at):
+        if moved or done:
+            # a move resolves nothing; several entries between two records are one, and what ended with the first has ended
+            self.bank.ended = self.bank.resolving = HEALTHY
+        for event in done:
             self.memory = self.memory.done(event.action, event.at)
             self.bank.reset(freed_by(event))
             filled = viscosity_of(event, self.pump)
@@ -261,6 +267,8 @@ class Fold:
             since = previous.since
         suspects_a_sensor = State.SENSOR_FAULT in (decision.state, *decision.candidates)
         shown = coming_and_going(self.bank, found, decision.state, self.memory.since)
+        # what stands now neither went nor came back: it is what the state says
+        vanished = self.memory.came_and_went if decision.state is State.HEALTHY else None
         return verdict_of(
             decision,
             found,
@@ -272,7 +280,7 @@ class Fold:
                 missing=max(missing, 0),
                 coverage=self.coverage,
                 fit=fit,
-                intermittent=shown or self.memory.came_and_went,
+                intermittent=shown or vanished,
                 resolved_by=self.memory.resolved,
                 case_pressure=self.case_pressure,
                 sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
@@ -287,7 +295,8 @@ class Fold:
 
     def _remember(self, decision: Decision, found: Evidence, observation: Observation) -> None:
         """Keep in mind what leads the alarm, and what ended."""
-        if self.bank.ended != HEALTHY:
+        # an entry has resolved nothing as long as something is still wrong
+        if self.bank.ended != HEALTHY and decision.state is State.HEALTHY:
             self.memory = self.memory.ended(FAULT_KINDS[self.bank.ended].state)
             self.bank.ended = HEALTHY
         if self.used:

@@ -47,6 +47,10 @@ class Memory:
         earlier = self.entry.actions if same_day and self.entry is not None else ()
         return replace(self, entry=Entry((*earlier, action), at))
 
+    def moved(self) -> "Memory":
+        """In another aircraft: what was suspected may have stayed behind, which is no coming and going."""
+        return replace(self, suspect=None, since=None, shown=0)
+
     def ended(self, state: State) -> "Memory":
         """A fault has ended with the last entry: it is explained and no longer one that comes and goes."""
         if self.entry is None:

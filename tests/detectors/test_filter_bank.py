@@ -68,7 +68,9 @@ def test_evidence_of_a_growing_fault_grows() -> None:
         final = assess(history(21, 40, fault), PUMP, CIRCUIT, THRESHOLDS)[-1].verdict
         odds.append(1.0 - final.probabilities[State.HEALTHY])
     assert odds[:3] == sorted(odds[:3])
-    assert min(odds[2:]) > 0.99
+    # a twentieth more is 0.03 L/min, less than is worth a word; a tenth is just worth one
+    assert odds[2] > 0.9
+    assert odds[3] > 0.99
 
 
 def test_a_reset_gives_the_population_s_spread_back() -> None:
@@ -100,6 +102,20 @@ def test_a_second_fit_changes_little_where_the_first_was_good() -> None:
     bank._fit_anew()
     known = spread > 0.0
     assert (np.abs(bank.filters.mean[0] - before)[known] < spread[known]).all()
+
+
+def test_entries_never_ask_for_more_room_than_there_is() -> None:
+    """Each entry may turn a fault's filter into one that ended, beside those that are kept: arrays in kernels have no bounds."""
+    found = sorted(history(24, 60, SIMULATED["drain"]).observations, key=lambda o: o.at)
+    measured = measured_windows(found, {}, PUMP, CIRCUIT)
+    bank = Bank(PUMP)
+    for i, observation in enumerate(found):
+        bank.learn(measured[observation.record_id].measurements)
+        bank.spawn()
+        if i > 20 and i % 5 == 0:
+            for freed in ({"drain_extra": None}, {"setting": None}, {"slipper_extra": None}):
+                bank.reset(freed)
+        assert bank.n <= len(bank.filters.kind)
 
 
 def test_covariances_stay_positive() -> None:

@@ -57,8 +57,8 @@ def plain(a: dict[str, float], x: dict[str, complex]) -> tuple[tuple[complex, co
     And whether a bound holds one of them: there the kernel's slopes go on as if there were none.
     """
     thinner = np.exp(-x["ln_viscosity"])
-    # leakages at the anchor's pressure difference: half of a slipper's resistance is a throttle
-    slippers = a["slipper_flow"] * np.exp(x["ln_slipper"]) * np.sqrt(thinner) + a["slipper_law"] * x["slipper_extra"]
+    # leakages at the anchor's pressure difference: a tenth of a slipper's resistance is a throttle
+    slippers = a["slipper_flow"] * np.exp(x["ln_slipper"]) * thinner**0.9 + a["slipper_law"] * x["slipper_extra"]
     gaps = a["laminar_flow"] * np.exp(x["ln_laminar"]) * thinner + a["laminar_law"] * x["laminar_extra"]
     orifice, laminar = x["system_orifice"], a["system_law"] * thinner * x["system_laminar"]
     on_top = {
