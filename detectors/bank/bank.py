@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
@@ -21,7 +20,7 @@ from detectors.bank.hypotheses import (
 )
 from detectors.bank.kernel import advance, begun, free, remembered, step, surprise
 from detectors.bank.lines import LineScatter
-from detectors.bank.prediction import CASE, LINE, ZERO, expected
+from detectors.bank.prediction import CASE, LINE, ZERO, Expected, expected
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import Regulation
 from detectors.bank.shapes import (
@@ -41,8 +40,10 @@ from detectors.bank.tables import (
     AMPLITUDE_VARIANCE,
     ARRIVAL_KINDS,
     ARRIVAL_LEAKAGE_LPM,
+    BREADTH,
     BY_LINES,
     DIRECTIONS,
+    DISCREPANCY,
     IS_HEALTHY,
     KINDS,
     LOG_ARRIVAL,
@@ -52,6 +53,7 @@ from detectors.bank.tables import (
     SETTING_VARIANCE,
     WALK,
     empty_filters,
+    touched_by,
 )
 from detectors.bank.window import Measurement, history_of, nothing_freed
 from detectors.expectation.anchor import COLUMN
@@ -62,14 +64,7 @@ HEALTHY = -1
 SPAWN_EVERY = 4
 FIRST_ONSETS = (1, 2)
 """Records after which an onset is tried, beside every fourth one: what sets in at once is as likely at the beginning."""
-DISCREPANCY = 0.02
-"""Share of a deviation of the case pressure that no law and no sensor is good for (estimate: a sensor of 1 % of its full scale,
-and laws that were learnt where the healthy pump runs). Without it a drain ten times as resistant, 3.5 bar, would be weighed
-with the 5 mbar of a sensor's noise, and the least wrong law would win by a hundred nats."""
 _FIRST_RECORDS = 5
-_BREADTH = 4.0
-"""How many times its usual size a fault may have that sets in with a surprise, of every kind alike (estimate: a drain blocked
-tenfold is 18 times its kind's scale, a leak of 2 L/min five times)."""
 _ITERATIONS = 4
 """How often the twin is linearised anew in the first records and where one surprises: a resistance that trebles is no small
 one times a slope, a leak is, and whoever is taken at the slope's word loses."""
@@ -87,16 +82,6 @@ _LEVEL_EVIDENCE = 1.0
 _WARMTH, _LOAD = COLUMN["warmth"], COLUMN["load_flow"]
 _LEAST_LOAD_LPM = 1.0
 """Flow from which a window counts as one under load (estimate: twice what counts as zero)."""
-
-
-Expected = tuple[float, float, float]
-"""Discharge and case pressure as they would be measured, and case over reservoir pressure [bar]."""
-
-
-def _touched_by(freed: Mapping[str, float | None]) -> NDArray[np.bool_]:
-    """Kinds of fault that move a component of which nothing is known any more, shape (N_KINDS,)."""
-    unknown = {name for name, like_before in freed.items() if like_before is None}
-    return np.array([any(name in unknown for name, _ in (*k.moves, *k.law.moves)) for k in FAULT_KINDS])
 
 
 @dataclass(slots=True)
@@ -170,9 +155,8 @@ class Bank:
         measurements = tuple(self._as_weighed(m) for m in measurements)
         surprising = self.records >= _FIRST_RECORDS and self._is_surprising(measurements)
         if surprising:
-            # what sets in with a bang is met from its first record on: a candidate that is late by one record would
-            # have to explain it away, and whoever does that best is not who is right
-            self.spawn(_BREADTH)
+            # a candidate that is late by one record would have to explain it away: whoever does that best is not right
+            self.spawn(BREADTH)
         begun(filters, self.n)
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
@@ -190,8 +174,7 @@ class Bank:
             if self.records - self.base.records >= _LONG:
                 self._keep(self._worth_a_fit())
             self._fit_anew()
-        # half a bar of unknown reservoir pressure is as much as a worn pump makes: where it was never measured nobody
-        # can say
+        # half a bar of unknown reservoir pressure is as much as a worn pump makes
         if not self.reservoir_seen:
             self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
 
@@ -343,7 +326,7 @@ class Bank:
             By component: None for the population's spread, or by how much it may differ from what it was.
         """
         n, filters = self.n, self.filters
-        kept = ~np.append(_touched_by(freed), False)[filters.kind[:n]]
+        kept = ~np.append(touched_by(freed), False)[filters.kind[:n]]
         ended = np.flatnonzero(~kept)
         took_over = False
         if len(ended):

@@ -31,6 +31,10 @@ N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
 _P_R = COLUMN["reservoir"]
 
 
+Expected = tuple[float, float, float]
+"""Discharge and case pressure as they would be measured, and case over reservoir pressure [bar]."""
+
+
 @compiled
 def place(j: int) -> int:
     """Place of component j in a state, or among the slopes."""

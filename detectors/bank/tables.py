@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
@@ -20,6 +21,13 @@ from detectors.words.verdict import State
 
 _MOST: Mapping[int, int] = {STEP: 5, RAMP: 4, ON_OFF: 2, OPEN: 2}
 """Onsets of one kind that are kept by shape: where a ramp began matters less than where a step stood."""
+DISCREPANCY = 0.02
+"""Share of a deviation of the case pressure that no law and no sensor is good for (estimate: a sensor of 1 % of its full scale,
+and laws that were learnt where the healthy pump runs). Without it a drain ten times as resistant, 3.5 bar, would be weighed
+with the 5 mbar of a sensor's noise, and the least wrong law would win by a hundred nats."""
+BREADTH = 4.0
+"""How many times its usual size a fault may have that sets in with a surprise, of every kind alike (estimate: a drain blocked
+tenfold is 18 times its kind's scale, a leak of 2 L/min five times)."""
 ARRIVAL_KINDS = ("leakage, slippers",)
 ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
 """Mean and spread of what a pump leaks on top that arrives worn: the limit lies 0.2 above the nominal pump's case flow."""
@@ -75,3 +83,12 @@ def empty_filters() -> Filters:
         unexplained=np.zeros(CAPACITY, dtype=np.int64),
         shown=np.zeros(CAPACITY, dtype=np.int64),
     )
+
+
+def touched_by(freed: Mapping[str, float | None]) -> NDArray[np.bool_]:
+    """Kinds of fault that move a component of which nothing is known any more, shape (N_KINDS,).
+
+    ``freed`` holds by component None for that, or by how much it may differ from what it was, which ends nothing.
+    """
+    unknown = {name for name, like_before in freed.items() if like_before is None}
+    return np.array([any(name in unknown for name, _ in (*k.moves, *k.law.moves)) for k in FAULT_KINDS])
