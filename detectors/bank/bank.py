@@ -9,76 +9,62 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
-    FREE_SETTING_WALK_BAR,
     GONE,
     MEASURED_RESERVOIR_SD_BAR,
     N_KINDS,
     UNMEASURED_RESERVOIR_WALK_BAR,
-    directions,
-    kind_scales,
-    laws,
-    log_priors,
     prior,
-    walk_variance,
 )
-from detectors.bank.kernel import (
-    CASE,
-    LINE,
-    N_MEASURED,
-    ZERO,
-    advance,
-    begun,
-    expected,
-    free,
-    remembered,
-    step,
-    surprise,
-)
+from detectors.bank.kernel import advance, begun, free, remembered, step, surprise
 from detectors.bank.lines import LineScatter
+from detectors.bank.prediction import CASE, LINE, ZERO, Expected, expected
 from detectors.bank.refit import fit_anew
-from detectors.bank.regulation import N_FEATURES, Regulation
+from detectors.bank.regulation import Regulation
 from detectors.bank.shapes import (
     ARRIVAL,
-    N_SHAPES,
     ON_OFF,
     OPEN,
-    RAMP,
     STATED,
     STEP,
-    Array,
     Base,
     Filters,
     Freed,
-    History,
     Integers,
-    Kinds,
-    Reading,
     Walks,
 )
 from detectors.bank.summary import spawned
+from detectors.bank.tables import (
+    AMPLITUDE_VARIANCE,
+    ARRIVAL_KINDS,
+    ARRIVAL_LEAKAGE_LPM,
+    BREADTH,
+    BY_LINES,
+    DIRECTIONS,
+    DISCREPANCY,
+    IS_HEALTHY,
+    KINDS,
+    LOG_ARRIVAL,
+    MOST_ONSETS,
+    OF_RESERVOIR,
+    RATE_VARIANCE,
+    SETTING_VARIANCE,
+    WALK,
+    empty_filters,
+    touched_by,
+)
+from detectors.bank.window import Measurement, history_of, nothing_freed
 from detectors.expectation.anchor import COLUMN
-from detectors.expectation.components import AMPLITUDE, LAW, N_COMPONENTS, N_LINES, N_SLOW, N_STATE, PLACE, RATE
-from detectors.words.verdict import State
+from detectors.expectation.components import AMPLITUDE, LAW, N_LINES, N_SLOW, N_STATE, PLACE, RATE
 from twin.parameters import PumpType
 
 HEALTHY = -1
 SPAWN_EVERY = 4
 FIRST_ONSETS = (1, 2)
 """Records after which an onset is tried, beside every fourth one: what sets in at once is as likely at the beginning."""
-_MOST: Mapping[int, int] = {STEP: 5, RAMP: 4, ON_OFF: 2, OPEN: 2}
-"""Onsets of one kind that are kept by shape: where a ramp began matters less than where a step stood."""
-DISCREPANCY = 0.02
-"""Share of a deviation of the case pressure that no law and no sensor is good for (estimate: a sensor of 1 % of its full scale,
-and laws that were learnt where the healthy pump runs). Without it a drain ten times as resistant, 3.5 bar, would be weighed
-with the 5 mbar of a sensor's noise, and the least wrong law would win by a hundred nats."""
 _FIRST_RECORDS = 5
-_BREADTH = 4.0
-"""How many times its usual size a fault may have that sets in with a surprise, of every kind alike (estimate: a drain blocked
-tenfold is 18 times its kind's scale, a leak of 2 L/min five times)."""
 _ITERATIONS = 4
 """How often the twin is linearised anew in the first records and where one surprises: a resistance that trebles is no small
 one times a slope, a leak is, and whoever is taken at the slope's word loses."""
@@ -87,122 +73,15 @@ _FITTED_ANEW_AT = (8, 12, 16, 24, 32, 64)
 _LONG, _HOPELESS = 24, -1.0
 """Records from which on only those are fitted anew that the data make no less likely than this [nat] against the healthy
 pump: more than half of all filters lie below."""
-_UNSEEN = np.full(N_FEATURES, np.nan)
-_UNSEEN.flags.writeable = False
-ARRIVAL_KINDS = ("leakage, slippers",)
-ARRIVAL_LEAKAGE_LPM = (1.2, 0.6)
-"""Mean and spread of what a pump leaks on top that arrives worn: the limit lies 0.2 above the nominal pump's case flow."""
-ARRIVAL_FLOOR_LPM = 0.5
-"""Below this a pump that leaks more than its type is one of the population, not one that arrived worn."""
-_LOG_ARRIVAL = float(np.log(0.1))
-"""Prior of such an arrival (estimate: one pump in ten is used when it comes)."""
-RAMP_RECORDS = 12.0
-"""Records in which a ramp of one sigma grows by a fault's scale: fits 0.04 L/min a flight, and does not punish 0.004 (estimate)."""
-_LOG_PRIORS = log_priors(_LOG_ARRIVAL)
-_AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0, 0.03, 0.0])
-"""Walk of a fault's amplitude from record to record by shape, as a share of its scale."""
-_RATE_WALK = 0.05
-"""Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
-_MOST_ONSETS = np.zeros((N_SHAPES, N_KINDS), dtype=np.int64)
-for _shape, _most in _MOST.items():
-    _MOST_ONSETS[_shape] = _most * np.isfinite(_LOG_PRIORS[STATED, _shape])
-_CAPACITY = 1 + len(ARRIVAL_KINDS) + int(_MOST_ONSETS.sum())
-"""The healthy pump, those that came worn, and every onset that is kept."""
-
-DIRECTIONS = np.concatenate((directions(), np.zeros((1, 2, N_COMPONENTS))))
-"""What each kind of fault moves per unit of amplitude, and of its product with the law, zeros for the healthy pump last,
-shape (N_KINDS + 1, 2, N_COMPONENTS)."""
 _MOST_PASSES = 6
-_MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
-_IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
 _BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
 """Lead [nat] over all rivals, and records since it set in, from which a healthy change is taken for granted (estimate: as much
 as an alarm asks for)."""
 _LEVEL_EVIDENCE = 1.0
 """Lead that is as good as none [nat] (estimate)."""
-_BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
-_OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
-_SCALES = np.append(kind_scales(), 0.0)
-_SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])
-_KINDS = Kinds(DIRECTIONS, _SCALES, laws(), _SIGNS, _LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
-_AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
-_RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
-_RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
-_SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
-"""Walks from record to record by shape and kind, the healthy pump last."""
 _WARMTH, _LOAD = COLUMN["warmth"], COLUMN["load_flow"]
 _LEAST_LOAD_LPM = 1.0
 """Flow from which a window counts as one under load (estimate: twice what counts as zero)."""
-_WALK = walk_variance()
-
-
-Expected = tuple[float, float, float]
-"""Discharge and case pressure as they would be measured, and case over reservoir pressure [bar]."""
-
-
-def _touched_by(freed: Mapping[str, float | None]) -> NDArray[np.bool_]:
-    """Kinds of fault that move a component of which nothing is known any more, shape (N_KINDS,).
-
-    What may differ a little from what it was ends nothing.
-    """
-    unknown = {name for name, like_before in freed.items() if like_before is None}
-    return np.array([any(name in unknown for name, _ in (*k.moves, *k.law.moves)) for k in FAULT_KINDS])
-
-
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """One window's numbers with their noise.
-
-    Attributes
-    ----------
-    values, noise
-        Discharge pressure, case pressure and zero [bar], order n of both pressures over the twin's [-], line at once
-        per revolution of discharge pressure [bar], shape (6,), and their covariance, shape (6, 6).
-    seen
-        Which of them were measured, in rising order, shape (k,).
-    anchor, ripple
-        The nominal twin at the window's condition (``detectors.expectation.anchor``), and how its order n of either pressure
-        answers to each component, shape (2, N_COMPONENTS).
-    reservoir_measured
-        False where the pump type's nominal reservoir pressure stands in for a sensor.
-    regulation
-        Logarithms of how the pressure is regulated (``detectors.bank.regulation``), NaN where not seen, shape (N_FEATURES,).
-    """
-
-    values: Array
-    noise: Array
-    seen: Integers
-    anchor: Array
-    ripple: Array
-    reservoir_measured: bool
-    regulation: Array = field(default_factory=lambda: _UNSEEN)
-
-    @property
-    def reading(self) -> Reading:
-        """What the filters take of it."""
-        return Reading(self.anchor, self.ripple, self.values, self.noise, self.seen)
-
-
-def nothing_freed() -> Freed:
-    """Nothing has happened yet."""
-    return Freed(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0))
-
-
-def _empty() -> Filters:
-    return Filters(
-        mean=np.zeros((_CAPACITY, N_STATE)),
-        covariance=np.zeros((_CAPACITY, N_STATE, N_STATE)),
-        kind=np.full(_CAPACITY, HEALTHY),
-        shape=np.zeros(_CAPACITY, dtype=np.int64),
-        onset=np.zeros(_CAPACITY, dtype=np.int64),
-        log_evidence=np.zeros(_CAPACITY),
-        setting_at_onset=np.zeros(_CAPACITY),
-        scale=np.zeros(_CAPACITY),
-        prior=np.zeros((_CAPACITY, 2)),
-        misfit=np.zeros(_CAPACITY),
-        unexplained=np.zeros(_CAPACITY, dtype=np.int64),
-        shown=np.zeros(_CAPACITY, dtype=np.int64),
-    )
 
 
 @dataclass(slots=True)
@@ -229,7 +108,7 @@ class Bank:
     """
 
     pump: PumpType
-    filters: Filters = field(default_factory=_empty)
+    filters: Filters = field(default_factory=empty_filters)
     alive: int = N_SLOW
     lines_seen: bool = False
     n: int = 1
@@ -264,10 +143,10 @@ class Bank:
         if filters.shape[row] == ARRIVAL:
             filters.mean[row, AMPLITUDE], spread = ARRIVAL_LEAKAGE_LPM
             filters.covariance[row, AMPLITUDE, AMPLITUDE] = spread**2
-            filters.mean[row, LAW], spread = _KINDS.laws[filters.kind[row]]
+            filters.mean[row, LAW], spread = KINDS.laws[filters.kind[row]]
             filters.covariance[row, LAW, LAW] = spread**2
-            filters.log_evidence[row] = _LOG_ARRIVAL
-            filters.prior[row] = _LOG_ARRIVAL
+            filters.log_evidence[row] = LOG_ARRIVAL
+            filters.prior[row] = LOG_ARRIVAL
 
     def learn(self, measurements: tuple[Measurement, ...]) -> None:
         """Take one record's windows: let time pass, weigh and update every filter."""
@@ -276,9 +155,8 @@ class Bank:
         measurements = tuple(self._as_weighed(m) for m in measurements)
         surprising = self.records >= _FIRST_RECORDS and self._is_surprising(measurements)
         if surprising:
-            # what sets in with a bang is met from its first record on: a candidate that is late by one record would
-            # have to explain it away, and whoever does that best is not who is right
-            self.spawn(_BREADTH)
+            # a candidate that is late by one record would have to explain it away: whoever does that best is not right
+            self.spawn(BREADTH)
         begun(filters, self.n)
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
@@ -296,8 +174,7 @@ class Bank:
             if self.records - self.base.records >= _LONG:
                 self._keep(self._worth_a_fit())
             self._fit_anew()
-        # half a bar of unknown reservoir pressure is as much as a worn pump makes: where it was never measured nobody
-        # can say
+        # half a bar of unknown reservoir pressure is as much as a worn pump makes
         if not self.reservoir_seen:
             self._keep(np.flatnonzero(filters.shape[: self.n] != ARRIVAL))
 
@@ -338,7 +215,7 @@ class Bank:
         if filters.log_evidence[0] > -_BEYOND_DOUBT:
             return  # nothing lies that far above the healthy pump
         old = filters.onset[:n] <= self.records - _BEYOND_DOUBT_RECORDS
-        changed = np.flatnonzero(_IS_HEALTHY[filters.kind[:n]] & old)
+        changed = np.flatnonzero(IS_HEALTHY[filters.kind[:n]] & old)
         if not len(changed):
             return
         likeliest = changed[filters.log_evidence[changed].argmax()]
@@ -379,26 +256,18 @@ class Bank:
         fitted = (kind != GONE) & (filters.shape[:n] != ON_OFF) & (filters.shape[:n] != OPEN)
         rows = np.flatnonzero((kind == HEALTHY) | (fitted & (filters.onset[:n] >= self.base.records)))
         before = filters.log_evidence[0]
-        fit_anew(filters, rows, self.base, _KINDS, self._walks(), self._history(), self.alive, _MOST_PASSES)
+        fit_anew(
+            filters,
+            rows,
+            self.base,
+            KINDS,
+            self._walks(),
+            history_of(self.learnt, self.base.records, self.freed),
+            self.alive,
+            _MOST_PASSES,
+        )
         filters.log_evidence[rows] += before - filters.log_evidence[0]
         filters.log_evidence[:n] -= filters.log_evidence[:n].max()
-
-    def _history(self) -> History:
-        """Everything learnt since the base."""
-        numbered = [(i, m) for i, measurements in enumerate(self.learnt) for m in measurements]
-        seen = np.zeros((len(numbered), N_MEASURED), dtype=np.bool_)
-        for place, (_, m) in enumerate(numbered):
-            seen[place, m.seen] = True
-        return History(
-            anchors=np.array([m.anchor for _, m in numbered]),
-            ripples=np.array([m.ripple for _, m in numbered]),
-            values=np.array([m.values for _, m in numbered]),
-            noises=np.array([m.noise for _, m in numbered]),
-            seen=seen,
-            record=np.array([self.base.records + i for i, _ in numbered]),
-            wander=np.array([0.0 if m.reservoir_measured else UNMEASURED_RESERVOIR_WALK_BAR**2 for _, m in numbered]),
-            freed=self.freed,
-        )
 
     def _rebase(self) -> None:
         """Let the history that fits go back to begin here; what set in before keeps the filter that it has."""
@@ -410,7 +279,7 @@ class Bank:
     def _walks(self) -> Walks:
         """Variances per record: of the state, of each filter's amplitude and rate, of a setting that moves beside it."""
         kinds, shape = self.filters.kind[: self.n], self.filters.shape[: self.n]
-        return Walks(_WALK, _AMPLITUDE_VARIANCE[shape, kinds], _RATE_VARIANCE[shape, kinds], _SETTING_VARIANCE[kinds])
+        return Walks(WALK, AMPLITUDE_VARIANCE[shape, kinds], RATE_VARIANCE[shape, kinds], SETTING_VARIANCE[kinds])
 
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
@@ -432,16 +301,16 @@ class Bank:
 
         ``breadth`` is how many times its kind's scale its size may be.
         """
-        self.n = spawned(self.filters, self.n, self.records, _KINDS, self._most_onsets(), breadth)
+        self.n = spawned(self.filters, self.n, self.records, KINDS, self._most_onsets(), breadth)
         self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:
         """How many onsets are kept by shape and kind: none of what this history cannot tell from another kind."""
-        most = _MOST_ONSETS.copy()
+        most = MOST_ONSETS.copy()
         if not self.lines_seen:
-            most[:, _BY_LINES] = 0
+            most[:, BY_LINES] = 0
         if not self.reservoir_measured:
-            most[:, _OF_RESERVOIR] = 0
+            most[:, OF_RESERVOIR] = 0
         return most
 
     def reset(self, freed: Mapping[str, float | None]) -> None:
@@ -457,7 +326,7 @@ class Bank:
             By component: None for the population's spread, or by how much it may differ from what it was.
         """
         n, filters = self.n, self.filters
-        kept = ~np.append(_touched_by(freed), False)[filters.kind[:n]]
+        kept = ~np.append(touched_by(freed), False)[filters.kind[:n]]
         ended = np.flatnonzero(~kept)
         took_over = False
         if len(ended):
@@ -470,7 +339,7 @@ class Bank:
             elif lead > _LEVEL_EVIDENCE:
                 # there is room for so many ends and no more: the least likely gives way
                 gone = np.flatnonzero(filters.kind[:n] == GONE)
-                if len(gone) >= _MOST[STEP]:
+                if len(gone) >= MOST_ONSETS[STEP, GONE]:
                     kept[gone[evidence[gone].argmin()]] = False
                 self._end(likeliest)
                 kept[likeliest] = True

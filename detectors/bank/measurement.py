@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.bank.bank import Measurement
-from detectors.bank.kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, RIPPLE, ZERO
+from detectors.bank.prediction import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, RIPPLE, ZERO
 from detectors.bank.regulation import N_FEATURES, Feature
+from detectors.bank.window import Measurement
 from detectors.expectation.anchor import COLUMN, anchors
 from detectors.expectation.components import N_COMPONENTS
 from detectors.expectation.reduced_twin import nominal_pressures

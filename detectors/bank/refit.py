@@ -11,7 +11,8 @@ import math
 
 import numpy as np
 
-from detectors.bank.kernel import Scratch, free, scratch, take, wandered
+from detectors.bank.kernel import free, take, wandered
+from detectors.bank.prediction import Scratch, scratch
 from detectors.bank.shapes import (
     ARRIVAL,
     RAMP,

@@ -147,6 +147,8 @@ class Kinds(NamedTuple):
         Mean and spread of the place of each kind's law, shape (K + 1, 2).
     signs
         Sign of each kind's amplitude (0: both), shape (K + 1,).
+    heals
+        How likely each kind goes away by itself, against what does so readily, shape (K + 1,) [nat].
     log_priors
         How likely each sets in, as stated and shape-neutral, shape (2, N_SHAPES, K) [nat].
     ramp_records
@@ -159,6 +161,7 @@ class Kinds(NamedTuple):
     scales: Array
     laws: Array
     signs: Integers
+    heals: Array
     log_priors: Array
     ramp_records: float
     arrival_mean: float

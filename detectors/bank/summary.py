@@ -187,12 +187,13 @@ def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: I
                 mean[place], covariance[place] = undone, undone_spread
                 for i in (AMPLITUDE, RATE, LAW):
                     mean[place, i], covariance[place, i, :], covariance[place, :, i] = 0.0, 0.0, 0.0
-            start = most if k == gone else log_evidence[0]
+            heals = kinds.heals[kind[likeliest]] if k == gone else 0.0
+            start = (most if k == gone else log_evidence[0]) + heals
             log_evidence[place] = start + kinds.log_priors[STATED, form, k]
             for which in (STATED, ALIKE):
                 filters.prior[place, which] = kinds.log_priors[which, form, k]
                 if k == gone:
-                    filters.prior[place, which] += undone_prior[which]
+                    filters.prior[place, which] += undone_prior[which] + heals
     return n
 
 

@@ -14,10 +14,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.bank.bank import Measurement
 from detectors.bank.hypotheses import FAULT_KINDS
-from detectors.bank.kernel import CASE, DISCHARGE, ZERO
 from detectors.bank.measurement import Measured, measured_windows
+from detectors.bank.prediction import CASE, DISCHARGE, ZERO
+from detectors.bank.window import Measurement
 from detectors.curve.laws import NEWEST, Excess, Law, laws_through
 from detectors.curve.sights import Sight, amplitude_of, moved, place_of, reference_of, sight_of, sights
 from detectors.expectation.anchor import COLUMN, anchors

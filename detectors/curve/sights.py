@@ -11,10 +11,11 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.bank.bank import DIRECTIONS, HEALTHY
+from detectors.bank.bank import HEALTHY
 from detectors.bank.hypotheses import FAULT_KINDS, FaultKind
-from detectors.bank.kernel import CASE, DISCHARGE, N_MEASURED, N_SLOPES, predicted
 from detectors.bank.measurement import NO_RIPPLE
+from detectors.bank.prediction import CASE, DISCHARGE, N_MEASURED, N_SLOPES, predicted
+from detectors.bank.tables import DIRECTIONS
 from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import AMPLITUDE, N_COMPONENTS, N_STATE, PLACE
 from detectors.judgement.assessment import Fold

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from detectors.bank.bank import ARRIVAL_KINDS, SPAWN_EVERY
+from detectors.bank.bank import SPAWN_EVERY
 from detectors.bank.hypotheses import FAULT_KINDS, log_priors
 from detectors.bank.regulation import LOG_HAZARD as REGULATION_LOG_HAZARD
 from detectors.bank.shapes import STATED
+from detectors.bank.tables import ARRIVAL_KINDS
 from detectors.evaluation.rows import Row
 from detectors.evaluation.truth import judges_kinds
 from detectors.words.verdict import FAULTS, State

@@ -100,6 +100,21 @@ class ComingAndGoing:
 
 
 @dataclass(frozen=True, slots=True)
+class OnSomeFlights:
+    """There with its full ``amount`` on a ``share`` of the flights from ``onset`` on, drawn flight by flight."""
+
+    kinds: tuple[str, ...]
+    amount: float
+    share: float = 0.5
+    onset: int = 40
+
+    def courses(self, n_pumps: int, n_flights: int, chunk: int) -> tuple[Course, ...]:
+        drawn = np.random.default_rng((chunk, self.onset, n_pumps)).uniform(size=(n_pumps, n_flights)) < self.share
+        size = np.where(drawn & (np.arange(n_flights) >= self.onset), self.amount, 0.0)
+        return (Course(self.kinds[chunk % len(self.kinds)], size),)
+
+
+@dataclass(frozen=True, slots=True)
 class SmallStep:
     """Steps in inside the judge's own world (``detectors.evaluation.small_steps``) and stays.
 
@@ -145,8 +160,8 @@ class Row:
     by_records
         Sized by healthy records in each reality instead of by pumps: false alarms are counted per record.
     moved_at
-        Flight from which the pump sits in another aircraft, with that one's drain, sensors and climate; changes count
-        from there anew.
+        Flight from which the pump sits in another aircraft, with that one's drain, sensors and climate; what has
+        worn stays worn.
     limit
         Case flow at the reference [L/min] on the way to which forecasts are asked; None: none are.
     """
@@ -167,7 +182,7 @@ class Row:
         """First flight on which something is wrong; None for pumps that stay healthy."""
         if self.worn:
             return 0
-        return self.sensing.step_at if self.sensing.case_zero_step else self.course.onset
+        return self.sensing.step_at if self.sensing.has_fault else self.course.onset
 
     @property
     def is_single(self) -> bool:

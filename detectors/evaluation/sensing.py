@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 
 from detectors.evaluation.ground_runs import GroundRuns, loaded_windows, pressures_under_load
 from detectors.evaluation.reality import Flights, drawn_by_aircraft
-from detectors.words.observation import History, Mean, Observation, Reduction, Window, WindowKind, Zero
+from detectors.words.observation import (
+    MOST_VALUES,
+    Behaviour,
+    History,
+    Mean,
+    Observation,
+    Reduction,
+    Window,
+    WindowKind,
+    Zero,
+)
 from detectors.words.signature import ChannelSpectrum, OrderLine, Spectrum
 from twin.condition import Health
 from twin.orders.burst import measured_amplitudes
@@ -36,6 +46,9 @@ class Sensing:
     case_repeatability: float = 0.005
     case_zero_drift_per_flight: float = 0.0035
     case_zero_step: float = 0.0
+    case_span: float = 1.0
+    discharge_span: float = 1.0
+    reservoir_added: float = 0.0
     step_at: int = 0
     discharge_drift_per_flight: float = 0.008
     missing_zero: float = 0.05
@@ -45,6 +58,11 @@ class Sensing:
     """A burst of 2 s at 10 kHz in the zero-flow window: 12-bit converters over 350 and 5 bar, white noise of 0.15 bar
     and 3 mbar, which dithers the coarser step of 85 mbar."""
     ground_runs: GroundRuns | None = None
+
+    @property
+    def has_fault(self) -> bool:
+        """Whether a sensor fails at ``step_at``: its zero, its span, or another reference."""
+        return (self.case_zero_step, self.case_span, self.discharge_span, self.reservoir_added) != (0.0, 1.0, 1.0, 0.0)
 
 
 def histories(
@@ -63,7 +81,10 @@ def histories(
 
     offset = by_aircraft(lambda: normal(0.0, 0.03, (n_pumps, 1)))
     offset = offset + np.cumsum(normal(0.0, sensing.case_zero_drift_per_flight, shape), axis=1)
-    offset += sensing.case_zero_step * (np.arange(n_flights) >= sensing.step_at)
+    failed = np.arange(n_flights) >= sensing.step_at
+    offset += sensing.case_zero_step * failed
+    # a span that was lost shows at rest as well, where the case holds the reservoir's pressure
+    lost = (sensing.case_span - 1.0) * failed
     discharge = flights.discharge + normal(0.0, sensing.discharge_repeatability, shape)
     discharge += np.cumsum(normal(0.0, sensing.discharge_drift_per_flight, shape), axis=1)
     case = flights.case + offset + normal(0.0, sensing.case_repeatability, shape)
@@ -71,9 +92,13 @@ def histories(
     case += np.where(jumped, rng.uniform(-1.0, 1.0, shape), 0.0)
     jumped = rng.uniform(size=shape) < sensing.outlier
     discharge += np.where(jumped, rng.uniform(-30.0, 30.0, shape), 0.0)
+    full_scale = pump.sensors["case_pressure_bar"].full_scale_bar
+    case = np.minimum(case + lost * flights.case, full_scale)
+    discharge *= np.where(failed, sensing.discharge_span, 1.0)
     probe = by_aircraft(lambda: normal(0.0, 0.7, (n_pumps, 1))) + normal(0.0, 0.4, shape)
-    zero = offset + normal(0.0, 0.006, shape)
+    zero = offset + lost * flights.reservoir + normal(0.0, 0.006, shape)
     reservoir_error = by_aircraft(lambda: normal(0.0, 0.01, (n_pumps, 1))) + normal(0.0, 0.004, shape)
+    reservoir_error = reservoir_error + sensing.reservoir_added * failed
     has_zero = sensing.zero_measured & (rng.uniform(size=shape) >= sensing.missing_zero)
     flown = rng.uniform(size=shape) >= sensing.dropout
     zero = (
@@ -116,6 +141,7 @@ def histories(
                         found,
                         windows,
                         None,
+                        behaviours=_saturated(float(case[i, j]), full_scale),
                         spectrum=None
                         if lines is None
                         else _spectrum(lines, i, int(j), pump, float(ripple[i, j]), float(frequency[i, j])),
@@ -125,6 +151,13 @@ def histories(
             )
         result.append(History(tuple(observations)))
     return result
+
+
+def _saturated(case_bar: float, full_scale_bar: float) -> dict[str, Behaviour]:
+    """What a reduction says of a case sensor at its full scale; nothing of one below it."""
+    if case_bar < full_scale_bar:
+        return {}
+    return {"case_pressure_bar": Behaviour(MOST_VALUES, MOST_VALUES, 5 * _SAMPLES, 0.9)}
 
 
 def _under_load(

@@ -16,10 +16,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.bank.bank import DIRECTIONS, SPAWN_EVERY, Bank, Measurement
+from detectors.bank.bank import SPAWN_EVERY, Bank
 from detectors.bank.hypotheses import FAULT_KINDS, prior, walk_variance
-from detectors.bank.kernel import N_MEASURED, N_SLOPES, predicted
 from detectors.bank.measurement import measured_windows
+from detectors.bank.prediction import N_MEASURED, N_SLOPES, predicted
+from detectors.bank.tables import DIRECTIONS
+from detectors.bank.window import Measurement
 from detectors.evaluation.prevalence import hazard_per_record
 from detectors.evaluation.reality import Reality, fleet
 from detectors.evaluation.rows import Row, SmallStep

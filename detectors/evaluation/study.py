@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from detectors.evaluation.reality import Reality, fleet
 from detectors.evaluation.rows import Row
 from detectors.evaluation.sensing import histories
-from detectors.evaluation.truth import is_worth_a_word, since_installation
+from detectors.evaluation.truth import is_worth_a_word
 from detectors.judgement.assessment import assess
 from detectors.words.states import CAUSES, VERDICTS
 from detectors.words.verdict import ESTIMATES, FAULTS, Assessment, State
@@ -101,8 +101,7 @@ def judged(
     seen = histories(flights, pump, row.sensing, rng, row.moved_at)
     found = [assess(h, pump, circuit, thresholds) for h in seen]
     outcome = blank(n_pumps, max(len(f) for f in found))
-    size = since_installation(courses[0].size if courses else np.zeros(flights.discharge.shape), row.moved_at)
-    leakage = since_installation(flights.leakage, row.moved_at)
+    size, leakage = courses[0].size if courses else np.zeros(flights.discharge.shape), flights.leakage
     faulty = is_worth_a_word(row, courses, n_pumps, thresholds["sensor_shift_bar"])
     for i, assessments in enumerate(found):
         for j, assessment in enumerate(assessments):

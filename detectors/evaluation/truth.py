@@ -45,15 +45,6 @@ def judges_kinds(row: Row) -> Counter[str]:
     return found
 
 
-def since_installation(values: Array, moved_at: int | None) -> Array:
-    """Change since the installation that each flight belongs to, of sizes (n_pumps, n_flights) that start at 0."""
-    if moved_at is None:
-        return values
-    result = values.copy()
-    result[:, moved_at:] -= values[:, moved_at - 1 : moved_at]
-    return result
-
-
 def is_worth_a_word(row: Row, courses: tuple[Course, ...], n_pumps: int, sensor_floor_bar: float) -> NDArray[np.bool_]:
     """Flights on which the fault of the row exceeds its floor, shape (n_pumps, n_flights)."""
     shape = (n_pumps, row.n_flights)
@@ -64,7 +55,8 @@ def is_worth_a_word(row: Row, courses: tuple[Course, ...], n_pumps: int, sensor_
     if not courses:
         sensing = row.sensing
         stepped = np.arange(row.n_flights) >= sensing.step_at
-        return np.tile(stepped & (abs(sensing.case_zero_step) >= sensor_floor_bar), (n_pumps, 1))
-    size = np.abs(since_installation(courses[0].size, row.moved_at))
+        seen = abs(sensing.case_zero_step) >= sensor_floor_bar or sensing.case_zero_step == 0.0
+        return np.tile(stepped & seen, (n_pumps, 1))
+    size = np.abs(courses[0].size)
     floor = _FLOORS[_KIND_OF[courses[0].kind]] if courses[0].kind in _KIND_OF else 0.0
     return np.asarray((size > 0.0) & (size >= floor))

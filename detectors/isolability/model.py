@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.bank.hypotheses import UNMEASURED_RESERVOIR_WALK_BAR, prior, walk_variance
-from detectors.bank.kernel import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, N_SLOPES, RIPPLE, ZERO, predicted
+from detectors.bank.prediction import CASE, CASE_RIPPLE, DISCHARGE, LINE, N_MEASURED, N_SLOPES, RIPPLE, ZERO, predicted
 from detectors.expectation.anchor import COLUMN, anchors
 from detectors.expectation.components import AMPLITUDE, COMPONENTS, INDEX, N_COMPONENTS, N_LIVING, PLACE, SLIPPER_EXTRA
 from detectors.expectation.residuals import (

@@ -7,10 +7,11 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.bank.bank import FIRST_ONSETS, HEALTHY, SPAWN_EVERY, Bank, Measurement
+from detectors.bank.bank import FIRST_ONSETS, HEALTHY, SPAWN_EVERY, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
-from detectors.bank.kernel import CASE
 from detectors.bank.measurement import Measured, measured_windows
+from detectors.bank.prediction import CASE
+from detectors.bank.window import Measurement
 from detectors.expectation.anchor import anchors, reference_condition
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement.coverage import Coverage

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.bank.bank import DIRECTIONS, Bank
+from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS
-from detectors.bank.kernel import mean_case_flow
+from detectors.bank.prediction import mean_case_flow
+from detectors.bank.tables import DIRECTIONS
 from detectors.judgement.isolation import QUANTITIES, Evidence
 from detectors.words.numbers import Z_90
 from detectors.words.verdict import Estimate

@@ -82,7 +82,7 @@ def viscosity_of(entry: Maintenance, pump: PumpType) -> tuple[float, float] | No
     assumed = next((name for name, fluid in FLUIDS.items() if fluid == pump.pump.fluid), None)
     if entry.action != "fluid_changed":
         return None
-    if entry.fluid not in PRODUCTS or assumed is None:
+    if entry.fluid is None or entry.fluid not in PRODUCTS or assumed is None:
         return 0.0, _FAMILY_SD
     ratio = ln_viscosity_ratio(entry.fluid, assumed, _WINDOW_DEGC)
     return ratio, max(PRODUCTS[entry.fluid].viscosity_sd(_WINDOW_DEGC), _BATCH_SD)

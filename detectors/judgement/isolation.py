@@ -7,10 +7,11 @@ from datetime import datetime
 
 import numpy as np
 
-from detectors.bank.bank import ARRIVAL_FLOOR_LPM, Bank
+from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.shapes import N_MOMENTS, N_WAYS, ON_OFF, REMEMBERED, WHOLE, Array, Meaning, Sums
 from detectors.bank.summary import summed
+from detectors.bank.tables import ARRIVAL_FLOOR_LPM
 from detectors.words.verdict import CAUSES, FAULTS, SIDE_OF, Fit, Intermittent, Side, State
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {

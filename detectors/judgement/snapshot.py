@@ -14,9 +14,10 @@ from typing import Any, get_type_hints
 import numpy as np
 
 # which records are still needed is the bank's own business; a second copy of these numbers could drift
-from detectors.bank.bank import _FITTED_ANEW_AT, Bank, Measurement
+from detectors.bank.bank import _FITTED_ANEW_AT, Bank
 from detectors.bank.lines import LineScatter
 from detectors.bank.shapes import Freed
+from detectors.bank.window import Measurement
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement import packing
 from detectors.judgement.assessment import Fold

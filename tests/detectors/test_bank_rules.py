@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from detectors.bank.bank import DIRECTIONS, Bank, Measurement
+from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
     GONE,
@@ -18,18 +18,11 @@ from detectors.bank.hypotheses import (
     pure_kinds,
     walk_variance,
 )
-from detectors.bank.kernel import (
-    N_MEASURED,
-    STUDENT_DEGREES,
-    _cholesky,
-    _whitened,
-    advance,
-    begun,
-    predicted,
-    remembered,
-    step,
-)
+from detectors.bank.kernel import STUDENT_DEGREES, _cholesky, _whitened, advance, begun, remembered, step
+from detectors.bank.prediction import N_MEASURED, predicted
 from detectors.bank.shapes import ALIKE, ARRIVAL, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Walks
+from detectors.bank.tables import DIRECTIONS
+from detectors.bank.window import Measurement
 from detectors.expectation import components as c
 from detectors.expectation.anchor import anchors
 from detectors.expectation.components import AMPLITUDE, LAW, N_COMPONENTS, N_SLOW, N_STATE, PLACE, RATE, SETTING

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.bank.bank import ARRIVAL_KINDS, Bank
+from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS, log_priors
 from detectors.bank.regulation import LOG_HAZARD
 from detectors.bank.shapes import STATED
+from detectors.bank.tables import ARRIVAL_KINDS
 from detectors.evaluation.calibration import N_FINE, Reliability, calibration, calibration_error, equal_mass
 from detectors.evaluation.delays import (
     ALARM,
@@ -55,7 +56,7 @@ from detectors.evaluation.scoring import seen
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.small_steps import chart_threshold, judged_in_class
 from detectors.evaluation.study import Outcome
-from detectors.evaluation.truth import is_worth_a_word, since_installation
+from detectors.evaluation.truth import is_worth_a_word
 from detectors.words.thresholds import effective
 from detectors.words.verdict import ESTIMATES, FAULTS, State
 from service.studies.evaluation.forecasts import with_forecasts
@@ -116,8 +117,6 @@ def test_a_fault_is_true_from_its_floor_on() -> None:
     zero = Row("z", State.SENSOR_FAULT, 4, sensing=Sensing(case_zero_step=0.06, step_at=2))
     assert is_worth_a_word(zero, (), 1, 0.06).tolist() == [[False, False, True, True]]
     assert is_worth_a_word(replace(zero, worn=True, truth=P), (), 1, 0.06).all()
-    moved = since_installation(np.array([[0.0, 0.1, 0.2, 0.3]]), 2)
-    assert moved == pytest.approx(np.array([[0.0, 0.1, 0.1, 0.2]]))
     two = SideBySide((Growing(("slippers",), 0.6), Growing(("system",), 1.0)))
     both = Row("t", P, 200, two)
     assert is_worth_a_word(both, two.courses(1, 200, 0), 1, 0.06).sum() < 160

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.bank.bank import ARRIVAL_KINDS, Bank
+from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS, GONE, prior
-from detectors.bank.kernel import CASE_RIPPLE, LINE, RIPPLE
 from detectors.bank.measurement import measured_windows
+from detectors.bank.prediction import CASE_RIPPLE, LINE, RIPPLE
 from detectors.bank.shapes import ARRIVAL, OPEN
+from detectors.bank.tables import ARRIVAL_KINDS
 from detectors.expectation.components import AMPLITUDE, INDEX, PLACE
 from detectors.judgement.assessment import assess
 from detectors.words.observation import History, Observation

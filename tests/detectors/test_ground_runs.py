@@ -8,8 +8,8 @@ import pytest
 
 from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS
-from detectors.bank.kernel import CASE, DISCHARGE, ZERO
 from detectors.bank.measurement import measured_windows
+from detectors.bank.prediction import CASE, DISCHARGE, ZERO
 from detectors.evaluation.ground_runs import GroundRuns
 from detectors.evaluation.reality import REALITIES, Reality, fleet
 from detectors.evaluation.rows import Faults, Growing, NoFault

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import fields
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,9 @@ import pytest
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.regulation import Feature
 from detectors.expectation.components import COMPONENTS
-from detectors.judgement.assessment import MAINTENANCE_RESETS
+from detectors.judgement.events import freed_by
 from detectors.judgement.isolation import QUANTITIES, Evidence
-from detectors.words.observation import Observation, Reduction, WindowKind
+from detectors.words.observation import ACTIONS, Maintenance, Observation, Reduction, WindowKind
 from detectors.words.states import STATES
 from detectors.words.verdict import ESTIMATES, TREND_METRICS, Verdict
 from service.storage.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, WITHDRAWN
@@ -57,7 +58,7 @@ def test_every_component_of_the_state_has_a_meaning_and_a_unit() -> None:
 
 
 def test_components_of_one_estimate_are_counted_in_its_unit() -> None:
-    """A logarithm is shown in percent."""
+    """A share is shown in percent."""
     table = rows("State components")
     for quantity, names in QUANTITIES.items():
         assert {table[name][1].replace("-", "%") for name in names} == {ESTIMATES[quantity]}, quantity
@@ -87,5 +88,6 @@ def test_every_metric_stands_there_with_its_unit() -> None:
 
 
 def test_every_action_stands_there_with_what_it_resets() -> None:
-    expected = {action: [", ".join(names)] for action, names in MAINTENANCE_RESETS.items()}
+    at = datetime(2026, 5, 2, tzinfo=UTC)
+    expected = {action: [", ".join(freed_by(Maintenance(at, action)))] for action in ACTIONS}
     assert list(rows("Maintenance").items()) == list(expected.items())

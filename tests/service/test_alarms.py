@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import delete, select
@@ -14,6 +15,7 @@ from service.demo.fleet import DemoRecord
 from service.storage.tables import Alarm, AlarmAction, AuditEntry
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
+from tests.service.records import document
 
 ALARMS = "/api/v1/alarms"
 
@@ -236,3 +238,41 @@ def test_a_worn_pump_raises_one_alarm_whatever_the_order(client: TestClient, wor
     assert page.status_code == 200
     assert "active, acknowledged" in page.text
     assert "acknowledged by local: crew &lt;told&gt;" in page.text
+
+
+def test_a_blocked_drain_alarms_on_its_first_flight_and_ends_with_it(client: TestClient) -> None:
+    """Uploads alone: the case doubles on one flight, the discharge pressure with it; no cause can be named so soon."""
+    rng = np.random.default_rng(11)
+    running = np.arange(160) >= 40
+    late = {"values": {"alarm_on_delay_flights": 5}, "reason": "patience"}
+    client.put("/api/v1/thresholds/fleet/default", json=late, headers={"If-Match": "*"})
+
+    def fly(n: int, over_reservoir: float, discharge: float = 174.0) -> dict[str, Any]:
+        case = np.where(running, 0.5 + over_reservoir, 0.5) + rng.normal(0.0, 0.003, 160)
+        high = np.where(running, discharge, 5.0) + rng.normal(0.0, 0.1, 160)
+        flown = document(case_pressure_bar=list(case), discharge_pressure_bar=list(high))
+        flown |= {"flight_id": f"F{n}", "started_at": f"2026-05-{n:02d}T07:11:00Z"}
+        answer = client.post("/api/v1/records", json=flown)
+        assert answer.status_code == 201, answer.text
+        found: dict[str, Any] = answer.json()["verdict"]
+        return found
+
+    for n in range(1, 13):
+        assert fly(n, 0.4)["case_pressure"]["beyond"] is False
+    assert client.get(ALARMS).json()["items"] == []
+    rule = fly(13, 1.1, 174.7)["case_pressure"]
+    assert rule["beyond"] is True
+    assert rule["over_reservoir_bar"] == pytest.approx(1.1, abs=0.05)
+    (alarm,) = client.get(ALARMS).json()["items"]
+    assert (alarm["priority"], alarm["case_pressure_beyond"], alarm["beyond_limit"]) == ("critical", True, False)
+    assert alarm["onset_at"] == alarm["raised_at"] == "2026-05-13T07:11:00Z"
+    assert alarm["side"] != "pump"
+    assert client.get("/api/v1/pumps/P-1").json()["case_pressure_beyond"] is True
+    assert [p["serial"] for p in client.get("/api/v1/fleet/summary").json()["attention"]] == ["P-1"]
+    assert "case pressure beyond its rule, whatever the cause" in client.get("/pumps/P-1").text
+    for n in (14, 15):
+        fly(n, 0.4)
+    assert client.get("/api/v1/pumps/P-1").json()["case_pressure_beyond"] is False
+    (alarm,) = client.get(ALARMS).json()["items"]
+    # what is left is the verdict's own word on what came and went
+    assert alarm["condition"] == "cleared" or (alarm["priority"] != "critical" and not alarm["case_pressure_beyond"])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from detectors.evaluation.reality import REALITIES, Reality
 from detectors.evaluation.rows import BURST, ROWS, Row
+from detectors.evaluation.strange import STRANGE_ROWS
 from detectors.evaluation.study import chunks
 from detectors.words.thresholds import effective
 
@@ -55,12 +56,13 @@ def chosen_rows(names: Iterable[str]) -> tuple[Row, ...]:
         naming every unknown name and what there is.
     """
     wanted = list(names)
-    known = [r.name for r in ROWS]
+    rows = (*ROWS, *STRANGE_ROWS)
+    known = [r.name for r in rows]
     unknown = [name for name in wanted if name not in known]
     if unknown:
         faults = [f"no row {name!r}" for name in unknown]
         raise StudyFaultsError([*faults, "rows: " + "; ".join(n for n in known if not n.endswith(BURST))])
-    return tuple(r for r in ROWS if not wanted or r.name in wanted or r.name.removesuffix(BURST) in wanted)
+    return tuple(r for r in rows if not wanted or r.name in wanted or r.name.removesuffix(BURST) in wanted)
 
 
 def sized(

@@ -1,0 +1,171 @@
+"""What a state says the sensors show, with every slope; and what it says of the case flow. Compiled."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from detectors.bank.shapes import Array, Filters, Reading
+from detectors.expectation.anchor import COLUMN
+from detectors.expectation.components import (
+    AMPLITUDE,
+    CASE_OFFSET,
+    CASE_SPAN,
+    LAW,
+    LN_RIPPLE,
+    N_COMPONENTS,
+    N_LIVING,
+    N_STATE,
+    ONCE,
+    RESERVOIR,
+)
+from detectors.expectation.reduced_twin import pressures
+from twin.compiled import compiled
+
+N_MEASURED = 6
+"""Discharge pressure, case pressure, zero of the case sensor, order n of both pressures, line at once per turn."""
+DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
+
+N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
+"""A slope for every place of the state, and after them one for every component that only a fault moves."""
+_P_R = COLUMN["reservoir"]
+
+
+Expected = tuple[float, float, float]
+"""Discharge and case pressure as they would be measured, and case over reservoir pressure [bar]."""
+
+
+@compiled
+def place(j: int) -> int:
+    """Place of component j in a state, or among the slopes."""
+    return j if j < LN_RIPPLE else j + LAW + 1 - LN_RIPPLE
+
+
+@compiled
+def predicted(
+    state: Array,
+    direction: Array,
+    anchor: Array,
+    ripple: Array,
+    full: Array,
+    slopes: Array,
+    y: Array,
+    H: Array,
+    n_rows: int = N_MEASURED,
+) -> None:
+    """What a state says the sensors show, ``y`` (6,), and its slopes ``H`` (6, N_SLOPES).
+
+    ``direction`` (2, N_COMPONENTS) is what the amplitude moves, and what its product with the law moves on top;
+    ``ripple`` holds the relative slopes of order n of both pressures by the components, shape (2, N_COMPONENTS);
+    ``full`` and ``slopes`` are work space. Only the first ``n_rows`` of ``H`` are needed, at least three; where no more
+    are, those of the lines stay as they are.
+    """
+    amplitude, law = state[AMPLITUDE], state[LAW]
+    _whole(state, direction, full)
+    pressures(anchor, full, y, slopes)
+    H[:n_rows, :] = 0.0
+    for j in range(N_COMPONENTS):
+        H[DISCHARGE, place(j)], H[CASE, place(j)] = slopes[DISCHARGE, j], slopes[CASE, j]
+    span = 1.0 + full[CASE_SPAN]
+    if span != 1.0:
+        H[CASE, :] *= span
+    H[CASE, place(CASE_SPAN)] = y[CASE]
+    y[CASE] = span * y[CASE] + full[CASE_OFFSET]
+    H[CASE, CASE_OFFSET] = 1.0
+    reservoir = anchor[_P_R] + full[RESERVOIR]
+    y[ZERO] = full[CASE_OFFSET] + full[RESERVOIR] + full[CASE_SPAN] * reservoir
+    H[ZERO, CASE_OFFSET], H[ZERO, RESERVOIR], H[ZERO, place(CASE_SPAN)] = 1.0, span, reservoir
+    if n_rows > RIPPLE:
+        for r in range(2):
+            gain = math.exp(full[LN_RIPPLE + r])
+            ratio = 1.0
+            for j in range(N_COMPONENTS):
+                ratio += ripple[r, j] * full[j]
+                H[RIPPLE + r, place(j)] = gain * ripple[r, j]
+            y[RIPPLE + r] = gain * ratio
+            H[RIPPLE + r, place(LN_RIPPLE + r)] += gain * ratio
+        y[LINE] = abs(full[ONCE])
+        H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
+    for j in range(N_COMPONENTS):
+        if direction[0, j] != 0.0 or direction[1, j] != 0.0:
+            for i in range(n_rows):
+                H[i, AMPLITUDE] += H[i, place(j)] * (direction[0, j] + law * direction[1, j])
+                H[i, LAW] += H[i, place(j)] * amplitude * direction[1, j]
+
+
+@compiled
+def _whole(state: Array, direction: Array, full: Array) -> None:
+    """All components of a state with its fault, into ``full`` (N_COMPONENTS,)."""
+    for j in range(N_COMPONENTS):
+        full[j] = (direction[0, j] + direction[1, j] * state[LAW]) * state[AMPLITUDE]
+        if j < N_LIVING:
+            full[j] += state[place(j)]
+
+
+class Scratch(NamedTuple):
+    """Room for ``take``: rows as wide as the slopes, and the small matrices of what was measured."""
+
+    wide: Array
+    small: Array
+
+
+@compiled
+def scratch() -> Scratch:
+    """Room for ``take``, made once for all filters."""
+    return Scratch(np.empty((3 * N_MEASURED + 4, N_SLOPES)), np.empty((3 * N_MEASURED + 5, N_MEASURED)))
+
+
+@compiled
+def expected(m: Array, direction: Array, reading: Reading) -> tuple[float, float, float]:
+    """Discharge and case pressure that a filter expects to be measured, and its case over reservoir pressure [bar]."""
+    wide, small = scratch()
+    H, slopes, full, y = (
+        wide[:N_MEASURED],
+        wide[3 * N_MEASURED : 3 * N_MEASURED + 3],
+        wide[3 * N_MEASURED + 3],
+        small[0],
+    )
+    predicted(m, direction, reading.anchor, reading.ripple, full, slopes, y, H, ZERO + 1)
+    reservoir = reading.anchor[_P_R] + full[RESERVOIR]
+    return float(y[DISCHARGE]), float(y[CASE]), float(y[CASE] - full[CASE_OFFSET] - reservoir)
+
+
+@compiled
+def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) -> tuple[float, float]:
+    """Case flow of one filter's state at an anchor and its variance [L/min, (L/min)^2]."""
+    full, slopes, y = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(2)
+    gradient = np.zeros(N_STATE)
+    _whole(state, direction, full)
+    flow = pressures(anchor, full, y, slopes)
+    for j in range(N_COMPONENTS):
+        gradient[AMPLITUDE] += slopes[2, j] * (direction[0, j] + direction[1, j] * state[LAW])
+        gradient[LAW] += slopes[2, j] * direction[1, j] * state[AMPLITUDE]
+        if j < N_LIVING:
+            gradient[place(j)] = slopes[2, j]
+    variance = 0.0
+    for i in range(N_STATE):
+        for j in range(N_STATE):
+            variance += gradient[i] * covariance[i, j] * gradient[j]
+    return flow, variance
+
+
+@compiled
+def mean_case_flow(
+    filters: Filters, weights: Array, directions: Array, anchor: Array, least: float, limit: float, widening: float
+) -> tuple[float, float, float]:
+    """Case flow at an anchor over the filters with at least a ``least`` share: mean, standard deviation, and how likely it
+    lies beyond a limit [L/min], each filter's own spread widened.
+    """
+    whole, first, second, beyond = 0.0, 0.0, 0.0, 0.0
+    most = weights.max()
+    for f in range(len(weights)):
+        if weights[f] < min(least, most):
+            continue
+        flow, variance = case_flow(filters.mean[f], filters.covariance[f], directions[filters.kind[f]], anchor)
+        whole += weights[f]
+        first += weights[f] * flow
+        second += weights[f] * (variance + flow * flow)
+        spread = widening * math.sqrt(max(variance, 1.0e-12))
+        beyond += weights[f] * 0.5 * math.erfc((limit - flow) / (spread * math.sqrt(2.0)))
+    first /= whole
+    return first, math.sqrt(max(second / whole - first * first, 0.0)), beyond / whole
