@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.bank.bank import DISCREPANCY, FIRST_ONSETS, Bank, Measurement
+from detectors.bank.bank import FIRST_ONSETS, Bank
 from detectors.bank.hypotheses import FAULT_KINDS, GONE, OTHER
-from detectors.bank.kernel import CASE, DISCHARGE, ZERO
 from detectors.bank.measurement import measured_windows
+from detectors.bank.prediction import CASE, DISCHARGE, ZERO
 from detectors.bank.shapes import STEP
+from detectors.bank.tables import DISCREPANCY
+from detectors.bank.window import Measurement
 from detectors.judgement.assessment import Fold
 from detectors.words.flights import outline_of, roles_of
 from detectors.words.observation import History
