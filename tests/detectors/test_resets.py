@@ -39,7 +39,6 @@ TOUCHED = {
 }
 """Entries that may explain the fault away: it came with them, or they may have ended it."""
 ALIKE_ON_THE_DAY = {
-    ("worn", "filter_changed"),
     ("worn", "drain_cleaned"),
     ("leaking", "drain_cleaned"),
     ("drain", "pump_overhauled"),
