@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from detectors.bank.endings import end_fault, take_over
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
     GONE,
@@ -57,7 +58,7 @@ from detectors.bank.tables import (
 )
 from detectors.bank.window import Measurement, history_of, nothing_freed
 from detectors.expectation.anchor import COLUMN
-from detectors.expectation.components import AMPLITUDE, LAW, N_LINES, N_SLOW, N_STATE, PLACE, RATE
+from detectors.expectation.components import AMPLITUDE, LAW, N_LINES, N_SLOW, N_STATE, PLACE
 from twin.parameters import PumpType
 
 HEALTHY = -1
@@ -77,6 +78,8 @@ _MOST_PASSES = 6
 _BEYOND_DOUBT, _BEYOND_DOUBT_RECORDS = 5.0, 8
 """Lead [nat] over all rivals, and records since it set in, from which a healthy change is taken for granted (estimate: as much
 as an alarm asks for)."""
+_CURED_NOTHING = -2.0
+"""Price of what was done having cured nothing (estimate: one entry in eight does not help) [nat]."""
 _LEVEL_EVIDENCE = 1.0
 """Lead that is as good as none [nat] (estimate)."""
 _WARMTH, _LOAD = COLUMN["warmth"], COLUMN["load_flow"]
@@ -226,7 +229,7 @@ class Bank:
             return
         if gone and self.resolving != HEALTHY:
             self.ended, self.resolving = self.resolving, HEALTHY
-        self._take_over(likeliest, FAULT_KINDS[filters.kind[likeliest]].moves)
+        take_over(filters, likeliest, FAULT_KINDS[filters.kind[likeliest]].moves)
         self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
         self._rebase()
 
@@ -313,17 +316,19 @@ class Bank:
             most[:, OF_RESERVOIR] = 0
         return most
 
-    def reset(self, freed: Mapping[str, float | None]) -> None:
+    def reset(self, freed: Mapping[str, float | None], *, cures: bool = True) -> None:
         """Something touched some components: they are as unknown as in any pump of the population, and nothing else is.
 
         A fault of those components ends here. Where one was as likely as anything else, the healthy pump goes on from where
         that fault's filter stands. Where it was likelier than health, its end is one more explanation of what comes
-        (``ended``): what was touched may have been the cause although something else seemed likelier.
+        (``resolving``), and so is, at a price, that what was done cured nothing.
 
         Parameters
         ----------
         freed
             By component: None for the population's spread, or by how much it may differ from what it was.
+        cures
+            False where what was touched is no longer there, so that its faults cannot go on: after a move.
         """
         n, filters = self.n, self.filters
         kept = ~np.append(touched_by(freed), False)[filters.kind[:n]]
@@ -334,15 +339,22 @@ class Bank:
             likeliest = int(ended[evidence[ended].argmax()])
             kind, lead = int(filters.kind[likeliest]), evidence[likeliest] - evidence[0]
             took_over = bool(evidence[likeliest] >= evidence.max() - _LEVEL_EVIDENCE)
+            spare = [int(row) for row in ended if row != likeliest]
             if took_over:
-                self._take_over(likeliest)
+                take_over(filters, likeliest)
+                kept[likeliest] = cures and lead > _BEYOND_DOUBT
             elif lead > _LEVEL_EVIDENCE:
                 # there is room for so many ends and no more: the least likely gives way
                 gone = np.flatnonzero(filters.kind[:n] == GONE)
                 if len(gone) >= MOST_ONSETS[STEP, GONE]:
                     kept[gone[evidence[gone].argmin()]] = False
-                self._end(likeliest)
-                kept[likeliest] = True
+                kept[likeliest] = cures and bool(spare)
+                end = spare[0] if kept[likeliest] else likeliest
+                end_fault(filters, likeliest, end, self.records)
+                kept[end] = True
+            if kept[likeliest] and filters.kind[likeliest] == kind:
+                filters.log_evidence[likeliest] += _CURED_NOTHING
+                filters.prior[likeliest] += _CURED_NOTHING
             if lead > _BEYOND_DOUBT:
                 self.ended, self.resolving = (kind, HEALTHY) if took_over else (HEALTHY, kind)
         self._keep(np.flatnonzero(kept))
@@ -361,24 +373,6 @@ class Bank:
     def fill(self, ln_viscosity: float, sd: float) -> None:
         """Another fluid: the logarithm of its viscosity over that of the twin's, and its spread."""
         self._free(PLACE["ln_viscosity"], ln_viscosity, sd)
-
-    def _end(self, row: int) -> None:
-        """Turn a filter into the one whose fault ended now."""
-        filters = self.filters
-        filters.kind[row], filters.shape[row], filters.onset[row] = GONE, STEP, self.records
-        for place in (AMPLITUDE, RATE, LAW):
-            filters.mean[row, place] = 0.0
-            filters.covariance[row, place, :] = filters.covariance[row, :, place] = 0.0
-
-    def _take_over(self, row: int, moves: tuple[tuple[str, float], ...] = ()) -> None:
-        """Let the healthy pump go on from where a filter stands: ``moves`` stay moved, the amplitude ends."""
-        filters, into = self.filters, np.eye(N_STATE)
-        for name, share in moves:
-            into[PLACE[name], AMPLITUDE] = share
-        into[AMPLITUDE] = into[RATE] = into[LAW] = 0.0
-        filters.mean[0] = into @ filters.mean[row]
-        filters.covariance[0] = into @ filters.covariance[row] @ into.T
-        filters.log_evidence[0], filters.unexplained[0] = filters.log_evidence[row], filters.unexplained[row]
 
     def _keep(self, rows: Integers) -> None:
         """Drop every filter but these, in their order."""

@@ -202,7 +202,7 @@ class Fold:
         moved = moved or any(previous.at < t <= observation.at for t in history.installed_at)
         done = due(history.maintenance, previous.at, observation.at)
         if moved:
-            self.bank.reset(MOVED)
+            self.bank.reset(MOVED, cures=False)
             self.memory = self.memory.moved()
             self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
             self.touched = True

@@ -18,8 +18,8 @@ _WITHOUT_ZERO_LPM = 0.3
 _SPAN_K = 20.0
 """Temperatures of the windows from which leak and drain begin to part (estimate: their laws then differ by a fifth)."""
 _MOSTLY = 0.5
-_LOADED, _BURSTS = 4, 10
-"""Ground runs and bursts from which more of them would add little (study: they decide within as many)."""
+_LOADED, _BURSTS, _STEPS = 4, 10, 2
+"""Ground runs, bursts and load steps from which more of them would add little (study: they decide within as many)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,7 @@ class Coverage:
     reservoirs: int = 0
     loaded: int = 0
     bursts: int = 0
+    steps: int = 0
 
     @property
     def span_k(self) -> float:
@@ -54,6 +55,7 @@ class Coverage:
             reservoirs=self.reservoirs + found.measurements[-1].reservoir_measured,
             loaded=self.loaded + any(w.kind is WindowKind.CONSTANT_FLOW for w in accepted),
             bursts=self.bursts + (observation.reduction.spectrum is not None),
+            steps=self.steps + (observation.reduction.droop is not None),
         )
 
 
@@ -96,9 +98,9 @@ def missing_evidence(candidates: tuple[State, ...], history: Coverage) -> tuple[
     if State.PUMP_DEGRADATION in left and State.DRAIN_RESTRICTION in left and history.span_k < _SPAN_K:
         what = "zero-flow windows at clearly different fluid temperatures (20 K apart)"
         found.append(MissingEvidence(what, 4, (State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION)))
-    if State.COMPENSATOR_FAULT in left:
+    if State.COMPENSATOR_FAULT in left and history.steps < _STEPS:
         what = "load steps of a known flow (commanded_flow_lpm) at 5 Hz or faster, or a gauge at discharge"
-        found.append(MissingEvidence(what, 2, candidates))
+        found.append(MissingEvidence(what, _STEPS - history.steps, candidates))
     if State.OTHER in left:
         what = "an inspection of sensors and wiring: no fault of pump or circuit that is known explains these records"
         found.append(MissingEvidence(what, 1, candidates))

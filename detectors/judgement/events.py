@@ -50,9 +50,9 @@ MOVED: Freed = {**_POSITION, **_FLUID, **_CASE_SENSOR, **_RESERVOIR_SENSOR, **_D
 """Another aircraft or position, with its own drain, fluid and sensors."""
 _ACTIONS: Mapping[str, Freed] = {
     # a filter element is one part of the drain, the line stays as it is (estimate: give or take 12 %, a third of what a fully
-    # loaded element costs); what is cleaned may have been anything
+    # loaded element costs); what is cleaned has no more resistance than before
     "filter_changed": {**_CLOGS, "ln_drain": 0.12, "drain_flow": 0.12},
-    "drain_cleaned": {**_CLOGS, "ln_drain": 0.25, "drain_viscosity": 0.2, "drain_flow": 0.2},
+    "drain_cleaned": {**_CLOGS, "ln_drain": 0.12, "drain_viscosity": 0.1, "drain_flow": 0.12},
     "fluid_changed": _FLUID,
     "setting_adjusted": {"setting": _POPULATION},
     "pump_overhauled": _PUMP,
