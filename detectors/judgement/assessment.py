@@ -106,6 +106,7 @@ class Fold:
     verdict: Verdict | None = None
     used: int = 0
     since_installed: int = 0
+    at_place: int | None = None
     rejected: int = 0
     without_zero: int = 0
     without_reservoir: int = 0
@@ -203,7 +204,7 @@ class Fold:
         done = due(history.maintenance, previous.at, observation.at)
         if moved:
             self.bank.reset(MOVED, cures=False)
-            self.memory = self.memory.moved()
+            self.memory, self.at_place = self.memory.moved(), 0
             self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
             self.touched = True
         if moved or done:
@@ -224,6 +225,8 @@ class Fold:
         self.coverage = self.coverage.grown(observation, found)
         self.used += 1
         self.since_installed += 1
+        if self.at_place is not None:
+            self.at_place += 1
         if self.since_installed in FIRST_ONSETS or self.since_installed % SPAWN_EVERY == 0:
             self.bank.spawn()
         self.without_zero += not observation.reduction.zero.measured
@@ -258,6 +261,8 @@ class Fold:
         sizes = estimates(self.bank, found, self.reference, limit)
         fit = self._fit(found, observation)
         missing, decision = self._missing(), Decision(State.INSUFFICIENT_DATA)
+        if missing > 0:
+            sizes = sizes._replace(smallest={})
         if missing <= 0:
             self.alarm, decision = decided(self.alarm, found, self.thresholds)
             decision = fitting(decision, fit, found)
@@ -279,6 +284,7 @@ class Fold:
                 limit_lpm=limit,
                 missing=max(missing, 0),
                 coverage=self.coverage,
+                settling=self._settling(),
                 fit=fit,
                 intermittent=shown or vanished,
                 resolved_by=self.memory.resolved,
@@ -286,6 +292,10 @@ class Fold:
                 sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
             ),
         )
+
+    def _settling(self) -> int:
+        """Records that the reference of a new position still needs; 0 where the pump has never moved."""
+        return 0 if self.at_place is None else max(int(self.thresholds["baseline_records"]) - self.at_place, 0)
 
     def _fit(self, found: Evidence, observation: Observation) -> Fit:
         """How far the leading cause explains the last records."""

@@ -10,6 +10,7 @@ from detectors.words.verdict import BlindSpot, MissingEvidence
 
 _TEMPERATURE = "fluid_temperature_degc"
 _LEAK = "pump_leakage_change_lpm"
+_SYSTEM = "system_leakage_change_lpm"
 _DRAIN = "drain_resistance_change_percent"
 _WITHOUT_RESERVOIR_LPM = 0.6
 """Leakage that an unknown reservoir pressure hides (study: never found where it is not measured; half a bar is as much)."""
@@ -59,8 +60,12 @@ class Coverage:
         )
 
 
-def blind_spots(history: Coverage, smallest: Mapping[str, float]) -> tuple[BlindSpot, ...]:
-    """What the channels of this pump cannot show; ``smallest`` are the smallest changes that would have been found."""
+def blind_spots(history: Coverage, smallest: Mapping[str, float], settling: int = 0) -> tuple[BlindSpot, ...]:
+    """What the records of this pump cannot show.
+
+    ``smallest`` are the smallest changes that would have been found; ``settling`` records are missing until the drain and the
+    circuit of a new position have a reference of their own.
+    """
     if not history.records:
         return ()
     found = []
@@ -70,7 +75,10 @@ def blind_spots(history: Coverage, smallest: Mapping[str, float]) -> tuple[Blind
     if history.zeros < _MOSTLY * history.records:
         below = max(_WITHOUT_ZERO_LPM, smallest.get(_LEAK, 0.0))
         found.append(BlindSpot(_LEAK, below, "no pump-off stretch shows the zero of the case sensor"))
-    if history.span_k < _SPAN_K:
+    if settling > 0:
+        why = f"the position is new to the pump: {settling} more records are needed for its own reference"
+        found += [BlindSpot(quantity, None, why) for quantity in (_DRAIN, _SYSTEM)]
+    elif history.span_k < _SPAN_K:
         why = f"all windows lie within {history.span_k:.0f} K: a restricted drain and a worn pump look alike"
         found.append(BlindSpot(_DRAIN, None, why))
     return tuple(found)

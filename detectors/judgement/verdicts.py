@@ -32,7 +32,8 @@ cause)."""
 class Context:
     """What a verdict says beside its decision.
 
-    ``missing`` counts the records that a baseline still needs; ``sensor`` is the channel of the likeliest sensor fault.
+    ``missing`` counts the records that a baseline still needs, ``settling`` those that the position's reference needs after
+    a move; ``sensor`` is the channel of the likeliest sensor fault.
     """
 
     quality: Quality
@@ -40,6 +41,7 @@ class Context:
     limit_lpm: float
     missing: int
     coverage: Coverage
+    settling: int
     fit: Fit
     intermittent: Intermittent | None
     resolved_by: Resolved | None
@@ -53,7 +55,7 @@ def verdict_of(decision: Decision, found: Evidence, sizes: Found, context: Conte
     probabilities: Mapping[State, float] = found.probabilities
     if state is State.INSUFFICIENT_DATA:
         probabilities = UNINFORMED
-    blind = blind_spots(context.coverage, sizes.smallest)
+    blind = blind_spots(context.coverage, sizes.smallest, context.settling)
     missing = missing_evidence(decision.candidates, context.coverage)
     sensor = context.sensor if State.SENSOR_FAULT in (state, *decision.candidates) else None
     said = wording.Said(

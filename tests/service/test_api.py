@@ -67,7 +67,7 @@ class TestPump:
         instants = [item["at"] for item in trend["items"]]
         assert instants == sorted(instants)
         changes = metric.endswith(("change_lpm", "change_bar", "change_percent"))
-        assert len(instants) == (12 - 9 if changes else 12)
+        assert len(instants) == (12 - 7 if changes else 12)
         for item in trend["items"]:
             assert item["low"] <= item["value"] <= item["high"]
             assert client.get(f"{API}/records/{item['record_id']}").status_code == 200

@@ -65,7 +65,9 @@ class TestInstallations:
         assert client.get(PUMP).json()["aircraft"] == "F-1"
         assert client.get(f"{PUMP}/verdict").json()["quality"]["flags"] == []
 
-    def test_each_starts_a_baseline(self, client: TestClient, healthy_records: list[DemoRecord]) -> None:
+    def test_each_gives_its_position_a_reference_of_its_own(
+        self, client: TestClient, healthy_records: list[DemoRecord]
+    ) -> None:
         for record in healthy_records:
             client.post(f"{API}/records", content=record.content, headers={"content-type": "text/csv"})
         pump = f"{API}/pumps/{healthy_records[0].pump.serial}"
@@ -74,13 +76,14 @@ class TestInstallations:
         place = {"aircraft": seen["aircraft"], "position": seen["position"]}
         late = healthy_records[-2].started_at.isoformat()
         made = client.post(f"{pump}/installations", json={**place, "from": late})
-        assert client.get(pump).json()["state"] == "insufficient_data"
-        revisions = client.get(f"{pump}/verdicts/revisions").json()["items"]
-        assert {(r["old_state"], r["new_state"]) for r in revisions} == {("healthy", "insufficient_data")}
-        assert {(r["cause"], r["cause_id"]) for r in revisions} == {("installation_changed", made.json()["id"])}
+        verdict = client.get(f"{pump}/verdict").json()
+        assert verdict["state"] == "healthy"  # what has worn travels with the pump
+        new = [b["quantity"] for b in verdict["blind_spots"] if "7 more records" in b["because"]]
+        assert new == ["drain_resistance_change_percent", "system_leakage_change_lpm"]
         moved = client.patch(f"{pump}/installations/{made.json()['id']}", json={"from": "2020-01-01T00:00:00Z"})
         assert moved.status_code == 200, moved.text
-        assert client.get(pump).json()["state"] == "healthy"
+        spots = client.get(f"{pump}/verdict").json()["blind_spots"]
+        assert not any("new to the pump" in b["because"] for b in spots)
 
     def test_overlaps_are_refused_and_name_the_other(self, client: TestClient) -> None:
         upload(client, 0)

@@ -154,6 +154,11 @@ def without_flag(document: Any) -> Any:
     return document
 
 
+def without_none(items: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Entries without fields that the release before did not have and nobody filled."""
+    return [{k: v for k, v in item.items() if k not in ("fluid", "channel") or v is not None} for item in items]
+
+
 def test_every_record_shows_what_it_showed(replayed: Replayed) -> None:
     """Status, windows and residuals."""
     found = {i: replayed.get(f"/records/{i}") for i in replayed.said["records"]}
@@ -208,7 +213,7 @@ def test_entries_alarms_and_thresholds_are_kept(replayed: Replayed) -> None:
         for name in said.keys() - {"verdict", "verdicts", "verdicts/revisions", "trend"}:
             after = replayed.get(f"/pumps/{serial}/{name}")["items"]
             if name in ("installations", "maintenance", "findings"):
-                assert differences(said[name], after, serial) == []
+                assert differences(said[name], without_none(after), serial) == []
     kept = {a["id"]: a for a in (replayed.get(f"/alarms/{a['id']}") for a in replayed.said["alarms"])}
     for before in replayed.said["alarms"]:
         assert kept[before["id"]]["acknowledged"] or not before["acknowledged"]
