@@ -5,6 +5,8 @@ from benchmarks.mutants.catalogue import Mutant
 _WINDOWS, _STATISTICS = ("tests.detectors.test_windows",), ("tests.detectors.test_statistics_referee",)
 _STEPS = ("tests.detectors.test_load_steps",)
 _ASSESSMENT, _ISOLATION = ("tests.detectors.test_assessment",), ("tests.detectors.test_isolation",)
+_EVENTS, _MEMORY = ("tests.detectors.test_events",), ("tests.detectors.test_memory",)
+_PLAUSIBILITY, _COVERAGE = ("tests.detectors.test_plausibility",), ("tests.detectors.test_coverage",)
 _SPREADS = ("tests.detectors.test_bank_rules",)
 
 
@@ -54,8 +56,8 @@ MUTANTS: tuple[Mutant, ...] = (
         '"setting": 2.0 * population["pressure_setting_bar"]',
     ),
     _bank("detectors.bank.hypotheses", "variance[PLACE[name]] = sd**2", "variance[PLACE[name]] = sd"),
-    _bank("detectors.bank.hypotheses", "table[k, INDEX[name]] = share", "table[k, INDEX[name]] = 1.0"),
-    _bank("detectors.bank.hypotheses", "-np.inf if h is None else h", "0.0 if h is None else h"),
+    _bank("detectors.bank.hypotheses", "row[INDEX[name]] = share", "row[INDEX[name]] = 1.0"),
+    _bank("detectors.bank.hypotheses", "hazard = HAZARD * kind.share", "hazard = HAZARD"),
     _bank(
         "detectors.bank.bank",
         "                UNMEASURED_RESERVOIR_WALK_BAR**2\n",
@@ -70,16 +72,22 @@ MUTANTS: tuple[Mutant, ...] = (
     _bank("detectors.bank.kernel", "m[AMPLITUDE] += m[RATE]", "m[AMPLITUDE] += 0.0", plain=True),
     _bank("detectors.bank.kernel", "d -= A[j, k] * A[j, k]", "d -= A[j, k]", plain=True),
     _bank("detectors.bank.kernel", "log_det += 2.0 * math.log", "log_det += math.log", plain=True),
-    _bank("detectors.bank.kernel", "(STUDENT_DEGREES + k) * math.log1p", "STUDENT_DEGREES * math.log1p", plain=True),
+    _bank("detectors.bank.kernel", "log_density = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k)", "log_density = -0.5 * log_det - 0.5 * STUDENT_DEGREES", plain=True),
     _judgement("twin.numbers", "Z_90 = 1.645", "Z_90 = 1.0", "nine_in_ten"),
     _judgement("detectors.judgement.estimates", "(1.0 - share) * spread**2", "spread**2", "nine_in_ten"),
     _judgement("detectors.judgement.assessment", "half = Z_90 * residual", "half = 1.0 * residual", "nine_in_ten"),
     _judgement("detectors.judgement.assessment", "half = Z_90 * mean", "half = 1.0 * mean", "nine_in_ten"),
-    _judgement("detectors.judgement.assessment", '"setting_adjusted": ("setting",)', '"setting_adjusted": ()', "frees"),
+    _judgement("detectors.judgement.events", '{"setting": _POPULATION}', "{}", "", _EVENTS),
+    _judgement("detectors.judgement.plausibility", "TWICE = 2.0", "TWICE = 4.0", "", _PLAUSIBILITY),
+    _judgement("detectors.judgement.plausibility", "_MOST_OFF_BAR = 25.0", "_MOST_OFF_BAR = 250.0", "", _PLAUSIBILITY),
+    _judgement("detectors.judgement.plausibility", "_FOLLOWS = 0.5", "_FOLLOWS = 0.0", "", _PLAUSIBILITY),
+    _judgement("detectors.judgement.plausibility", "_TOGGLING = 2", "_TOGGLING = 0", "", _PLAUSIBILITY),
+    _judgement("detectors.judgement.memory", "_LEAST_RECORDS = 3", "_LEAST_RECORDS = 1", "", _MEMORY),
+    _judgement("detectors.judgement.coverage", "_LOADED - history.loaded", "_LOADED", "", _COVERAGE),
     _judgement(
         "detectors.judgement.assessment", "key=lambda o: (o.at, o.record_id))", "key=lambda o: o.at)", "instant"
     ),
-    _judgement("detectors.judgement.assessment", "if missing <= 0:", "if missing < 0:", "since_is or eighth"),
+    _judgement("detectors.judgement.assessment", "if missing <= 0:", "if missing < 0:"),
     _judgement("detectors.judgement.isolation", "alarm.above + 1 if", "alarm.above if", "", _ISOLATION),
     _judgement("detectors.judgement.isolation", "_KEPT = 0.82", "_KEPT = 1.0", "", _ISOLATION),
     _judgement(

@@ -56,9 +56,9 @@ MUTANTS: tuple[Mutant, ...] = (
     _law("twin.laws.metering_edge", "r * r * math.acos(1.0 - x / r)", "r * r * math.acos(1.0 - 0.5 * x / r)"),
     _reduced("r = D / D_0", "r = 1.0"),
     _reduced("_COUNTED = ZERO_FLOW_BAR", "_COUNTED = 160.0"),
-    _reduced("_SLIPPER_VISCOSITY = 0.5", "_SLIPPER_VISCOSITY = 0.6"),
+    _reduced("SLIPPER_VISCOSITY = 0.9", "SLIPPER_VISCOSITY = 0.8"),
     _reduced("+ (d - 1.0) * anchor[_DROOP]", "+ d * anchor[_DROOP]"),
-    _reduced("2.0 * w_Q * abs(Q_c) / anchor[_Q_REF] + 1.0", "w_Q * abs(Q_c) / anchor[_Q_REF] + 1.0"),
+    _reduced("2.0 * w_Q * flow_ratio + 1.0", "w_Q * flow_ratio + 1.0"),
     _reduced("return _LEAST_WEIGHT * (shrunk - 1.0), shrunk", "return _LEAST_WEIGHT * (shrunk - 1.0), 1.0"),
     _reduced("0.5 * throttled / (root * D_0)", "throttled / (root * D_0)"),
     _reduced(
