@@ -72,7 +72,12 @@ MUTANTS: tuple[Mutant, ...] = (
     _bank("detectors.bank.kernel", "m[AMPLITUDE] += m[RATE]", "m[AMPLITUDE] += 0.0", plain=True),
     _bank("detectors.bank.kernel", "d -= A[j, k] * A[j, k]", "d -= A[j, k]", plain=True),
     _bank("detectors.bank.kernel", "log_det += 2.0 * math.log", "log_det += math.log", plain=True),
-    _bank("detectors.bank.kernel", "log_density = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k)", "log_density = -0.5 * log_det - 0.5 * STUDENT_DEGREES", plain=True),
+    _bank(
+        "detectors.bank.kernel",
+        "log_density = -0.5 * log_det - 0.5 * (STUDENT_DEGREES + k)",
+        "log_density = -0.5 * log_det - 0.5 * STUDENT_DEGREES",
+        plain=True,
+    ),
     _judgement("twin.numbers", "Z_90 = 1.645", "Z_90 = 1.0", "nine_in_ten"),
     _judgement("detectors.judgement.estimates", "(1.0 - share) * spread**2", "spread**2", "nine_in_ten"),
     _judgement("detectors.judgement.assessment", "half = Z_90 * residual", "half = 1.0 * residual", "nine_in_ten"),
