@@ -302,9 +302,10 @@ class Bank:
     def spawn(self, breadth: float = 1.0) -> None:
         """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way.
 
-        ``breadth`` is how many times its kind's scale its size may be.
+        ``breadth`` is how many times its kind's scale a fault may be; fluids differ no more than they do.
         """
-        self.n = spawned(self.filters, self.n, self.records, KINDS, self._most_onsets(), breadth)
+        scales = np.where(IS_HEALTHY, 1.0, breadth) * KINDS.scales
+        self.n = spawned(self.filters, self.n, self.records, KINDS, self._most_onsets(), scales)
         self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:

@@ -135,7 +135,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     FaultKind("drain restriction", _DRAIN, _RESISTANCE, _MORE, 0.06, 1, law=_CLOGGED, comes_and_goes=True),
     FaultKind("case sensor", _SENSOR, (("case_offset", 1.0),), 0.15, 0.06, 0, _CASE, share=0.4),
     FaultKind("case sensor, span", _SENSOR, (("case_span", -1.0),), 0.3, 0.1, 1, _CASE, share=0.2, growing=False),
-    FaultKind("fluid batch", State.HEALTHY, _THINNER, 0.1, 0.0, 0, growing=False),
+    FaultKind("fluid batch", State.HEALTHY, _THINNER, 0.06, 0.0, 0, growing=False),
     FaultKind(
         "drain restriction, setting moves",
         _DRAIN,
@@ -173,7 +173,7 @@ that knows nothing but how far apart two records of a pump may lie."""
 HAZARD = 4.0e-3
 """Prior of each state setting in within the spacing of onset candidates, the same for every state (estimate)."""
 _OTHER_HAZARD = 1.0e-3
-_FLUID_HAZARD = 1.0e-2
+_FLUID_HAZARD = 5.0e-3
 """A batch is changed once in some hundred flights (estimate)."""
 _GONE_HAZARD = 4.0e-4
 """That a fault is gone must stay less likely than the alarm level is high: every new candidate would hold the alarm back."""

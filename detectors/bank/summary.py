@@ -33,7 +33,7 @@ from twin.compiled import compiled
 _LEAST_SHOWN, _NOT_YET = 3, 1.0e3
 """Flights on which a fault must have shown before it counts as one that comes and goes (our choice), and what stands against
 it until then [nat]."""
-TEMPER = 0.85
+TEMPER = 0.7
 """Exponent of the likelihood where causes compete: their laws are not the world's."""
 
 
@@ -143,16 +143,15 @@ def _add(moments: Array, weight: float, mean: float, variance: float) -> None:
 
 
 @compiled
-def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: Integers, breadth: float) -> int:
+def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: Integers, scales: Array) -> int:
     """A step and a ramp of each kind setting in now, in place; the least likely old onset gives way. New count.
 
     The last kind begins where the likeliest fault stands, without it: the fault is gone.
 
-    ``breadth`` is how many times its kind's scale the size of a fault may be.
+    ``scales`` are the one-sigma sizes that they are expected to have, shape (n_kinds + 1,).
     ``most_onsets`` holds how many of a shape and kind are kept, shape (N_SHAPES, n_kinds).
     """
     mean, covariance, kind, log_evidence = filters.mean, filters.covariance, filters.kind, filters.log_evidence
-    scales = breadth * kinds.scales
     n_kinds = len(scales) - 1
     likeliest, gone, most = 0, n_kinds - 1, log_evidence[0]
     for f in range(n):

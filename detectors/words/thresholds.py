@@ -36,7 +36,7 @@ KEYS: tuple[ThresholdKey, ...] = (
     ThresholdKey("window_commanded_flow_lpm", "L/min", 0.5, 0.0, 5.0, "commanded flow up to which flow counts as zero"),
     ThresholdKey("pump_off_minimum_duration_s", "s", 10.0, 1.0, 600.0, "shortest pump-off stretch that gives a zero"),
     ThresholdKey("baseline_records", "records", 8.0, 3.0, 100.0, "records after an installation that set its baseline"),
-    ThresholdKey("alarm_on_log_odds", "nat", 3.0, 0.5, 30.0, "log odds of a fault at which an alarm counts up"),
+    ThresholdKey("alarm_on_log_odds", "nat", 3.5, 0.5, 30.0, "log odds of a fault at which an alarm counts up"),
     ThresholdKey("alarm_off_log_odds", "nat", 1.0, -5.0, 30.0, "log odds below which an alarm ends"),
     ThresholdKey("alarm_records", "records", 3.0, 1.0, 20.0, "records in a row above the on-level before an alarm"),
     ThresholdKey(
