@@ -39,7 +39,8 @@ ESTIMATES: Mapping[str, str] = {
     "drain_resistance_change_percent": "%",
     "case_flow_at_reference_lpm": "L/min",
 }
-"""Estimated quantities with their units; changes count from the installation's baseline."""
+"""Estimated quantities with their units; changes of the pump's quantities count from its own baseline or its last
+overhaul, those of the position from its."""
 
 TREND_METRICS: Mapping[str, str] = {
     **ESTIMATES,

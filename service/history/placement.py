@@ -49,6 +49,6 @@ def place_at(intervals: Sequence[Interval], aircraft: str, position: str, at: da
 
 
 def changes(intervals: Sequence[Interval]) -> tuple[datetime, ...]:
-    """Instants at which an entered installation starts or ends: each starts a baseline of its own."""
+    """Instants at which an entered installation starts or ends: from each on drain, circuit and sensors are others."""
     instants = {i.installed_at for i in intervals} | {i.removed_at for i in intervals if i.removed_at is not None}
     return tuple(sorted(instants))

@@ -77,6 +77,7 @@ def run_lengths(chart: Chart[Any], values: Iterator[np.ndarray], n_paths: int, n
     return found
 
 
+@pytest.mark.study
 def test_false_alarms_come_as_rarely_as_wanted(chart: Chart[Any]) -> None:
     rng = np.random.default_rng(11)
     lengths = run_lengths(chart, independent_normal(rng, 1500), 1500, 4000)

@@ -203,6 +203,7 @@ def test_transient_pump_through_its_sensors() -> None:
     )
 
 
+@pytest.mark.study
 def test_bursts_without_samples_scatter_as_the_pipeline_does() -> None:
     """Same mean and same spread of every amplitude, within the errors of so many."""
     n_bursts = 36
