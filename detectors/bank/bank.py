@@ -45,6 +45,7 @@ from detectors.bank.tables import (
     BY_LINES,
     DIRECTIONS,
     DISCREPANCY,
+    IS_BOUNDED,
     IS_HEALTHY,
     KINDS,
     LOG_ARRIVAL,
@@ -302,9 +303,9 @@ class Bank:
     def spawn(self, breadth: float = 1.0) -> None:
         """A fault of each kind and shape setting in now; the least likely old onset of a kind gives way.
 
-        ``breadth`` is how many times its kind's scale a fault may be; fluids differ no more than they do.
+        ``breadth`` is how many times its kind's scale a fault may be that nothing bounds.
         """
-        scales = np.where(IS_HEALTHY, 1.0, breadth) * KINDS.scales
+        scales = np.where(IS_BOUNDED, 1.0, breadth) * KINDS.scales
         self.n = spawned(self.filters, self.n, self.records, KINDS, self._most_onsets(), scales)
         self.regulation.spawn()
 

@@ -52,6 +52,9 @@ DIRECTIONS = np.concatenate((directions(), np.zeros((1, 2, N_COMPONENTS))))
 shape (N_KINDS + 1, 2, N_COMPONENTS)."""
 _MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
 IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
+IS_BOUNDED = np.array([k.state is State.HEALTHY or k.component == "bleed" for k in FAULT_KINDS] + [True])
+"""Kinds that cannot be many times their usual size: fluids differ no more than they do, and what bleeds passes the control valve,
+whose whole flow is about 0.6 L/min (operating point)."""
 BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
 OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
