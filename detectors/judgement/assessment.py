@@ -181,6 +181,8 @@ class Fold:
             self.supplement(supplements[observation.record_id])
         if found is None:
             return {}
+        # what a sensor that cannot be right has said raises no alarm, and ends the one that it raised
+        self.case_pressure = None
         if reference is not None and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
             measured, limit = found.measurements[-1].values[CASE], self.thresholds["case_pressure_limit_bar"]
             self.case_pressure = case_pressure(float(measured), reference, limit, has_baseline=self._missing() <= 0)
