@@ -55,6 +55,7 @@ def _main() -> None:
         _judge()
     if beside.returncode:
         raise SystemExit(beside.returncode)
+    warm_up()  # what one process lost to the other's last word
 
 
 if __name__ == "__main__":
