@@ -35,9 +35,9 @@ test: $(VENV)/.installed ## run every test but studies and the containerised one
 	@"$(BIN)/python" -m detectors.warm_up
 	@"$(BIN)/python" -m pytest -n 3 --dist worksteal -m "not containers and not study" $(PYTEST_ARGS)
 
-test-fast: $(VENV)/.installed ## run a selection that enters every room, in a minute
+test-fast: $(VENV)/.installed ## run a selection that enters every room, on SQLite, in a minute
 	@"$(BIN)/python" -m detectors.warm_up
-	@"$(BIN)/python" -m pytest -n 2 --dist worksteal -m fast $(PYTEST_ARGS)
+	@"$(BIN)/python" -m pytest -n 3 --dist worksteal -m fast -k "not postgres" $(PYTEST_ARGS)
 
 study: $(VENV)/.installed ## run the longer numerical and statistical studies
 	@"$(BIN)/python" -m detectors.warm_up
