@@ -20,13 +20,14 @@ def is_storable(value: Any) -> bool:
     return True
 
 
-def _known_fluid(name: str) -> str:
+def known_fluid(name: str) -> str:
+    """The product's own name; a ValueError with the list of those that the twin has properties of."""
     if name not in FLUIDS:
-        raise ValueError(f"{name!r} is not one of {', '.join(sorted(FLUIDS))}")
+        raise ValueError(f"{name!r} is no fluid that the twin has; known: {', '.join(sorted(FLUIDS))}")
     return name
 
 
-FluidName = Annotated[str, AfterValidator(_known_fluid)]
+FluidName = Annotated[str, AfterValidator(known_fluid)]
 """Product name of a fluid that the twin has properties of; another is refused with the list of those."""
 
 

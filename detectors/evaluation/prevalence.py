@@ -17,14 +17,14 @@ from detectors.bank.bank import SPAWN_EVERY
 from detectors.bank.hypotheses import FAULT_KINDS, log_priors
 from detectors.bank.regulation import LOG_HAZARD as REGULATION_LOG_HAZARD
 from detectors.bank.shapes import STATED
-from detectors.bank.tables import ARRIVAL_KINDS
+from detectors.bank.tables import ARRIVAL_KINDS, LOG_ARRIVAL
 from detectors.evaluation.rows import Row
 from detectors.evaluation.truth import judges_kinds
 from detectors.words.verdict import FAULTS, State
 
 WATCHED_RECORDS = 200
 """Records that a pump of the study is watched for, to a few."""
-ARRIVAL_PRIOR = 0.1
+ARRIVAL_PRIOR = math.exp(LOG_ARRIVAL)
 """Prior odds of having come worn against health, as the bank starts with."""
 
 

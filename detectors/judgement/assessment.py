@@ -105,11 +105,8 @@ class Fold:
     alarm: Alarm = field(default_factory=Alarm)
     verdict: Verdict | None = None
     used: int = 0
-    since_installed: int = 0
     at_place: int | None = None
     rejected: int = 0
-    without_zero: int = 0
-    without_reservoir: int = 0
     outside_curve: dict[str, int] = field(default_factory=dict)
     supplemented: bool = False
     touched: bool = False
@@ -197,7 +194,7 @@ class Fold:
 
     def _missing(self) -> int:
         """Records that a baseline still needs; none or less when it stands."""
-        return int(self.thresholds["baseline_records"]) - self.since_installed
+        return int(self.thresholds["baseline_records"]) - self.used
 
     def pass_over(self, previous: Latest, observation: Observation, history: History) -> None:
         """What happened between two records: a move frees what stays behind, an entry what it names."""
@@ -226,13 +223,10 @@ class Fold:
         self.touched = False
         self.coverage = self.coverage.grown(observation, found)
         self.used += 1
-        self.since_installed += 1
         if self.at_place is not None:
             self.at_place += 1
-        if self.since_installed in FIRST_ONSETS or self.since_installed % SPAWN_EVERY == 0:
+        if self.used in FIRST_ONSETS or self.used % SPAWN_EVERY == 0:
             self.bank.spawn()
-        self.without_zero += not observation.reduction.zero.measured
-        self.without_reservoir += not found.measurements[-1].reservoir_measured
         if found.outside_curve:
             why = ", ".join(found.outside_curve)
             self.outside_curve[why] = self.outside_curve.get(why, 0) + 1
@@ -316,16 +310,16 @@ class Fold:
 
     def _quality(self) -> Quality:
         used, flags = self.used, []
-        if self.without_zero:
+        without_zero, without_reservoir = used - self.coverage.zeros, used - self.coverage.reservoirs
+        if without_zero:
             flags.append(
-                f"no pump-off zero in {self.without_zero} of {used} records: "
-                "the case sensor's offset is carried as unknown"
+                f"no pump-off zero in {without_zero} of {used} records: the case sensor's offset is carried as unknown"
             )
         reservoir = "measured"
-        if self.without_reservoir:
-            reservoir = "nominal" if self.without_reservoir == used else "mixed"
+        if without_reservoir:
+            reservoir = "nominal" if without_reservoir == used else "mixed"
             flags.append(
-                f"reservoir pressure not measured in {self.without_reservoir} of {used} records: "
+                f"reservoir pressure not measured in {without_reservoir} of {used} records: "
                 "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
             )
         if self.doubtful is not None:

@@ -73,7 +73,7 @@ def posterior_of(fold: Fold) -> Posterior | None:
     """What a fold holds of its pump; None where the pump is not judged healthy, or not known well enough yet."""
     verdict, bank = fold.verdict, fold.bank
     healthy = verdict is not None and verdict.state is State.HEALTHY and bank.filters.kind[0] == HEALTHY
-    if not healthy or fold.since_installed < FEWEST_RECORDS:
+    if not healthy or fold.used < FEWEST_RECORDS:
         return None
     return Posterior(bank.filters.mean[0].copy(), np.diag(bank.filters.covariance[0]).copy())
 

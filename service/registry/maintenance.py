@@ -7,14 +7,13 @@ from sqlalchemy.orm import Session
 
 from service.answers import history as answers
 from service.answers.words import instant
-from service.bodies import Body
+from service.bodies import Body, known_fluid
 from service.errors import Fault, Invalid
 from service.history.archive import Archive
 from service.monitoring.refold import Cause, refold
 from service.registry.entries import add, correct, entry, withdraw
 from service.registry.fields import Instant, Name, Note
 from service.storage.tables import MaintenanceEvent, Pump
-from twin.pumps.fluids import FLUIDS
 
 CHANGED = "maintenance_changed"
 Action = Literal[
@@ -38,13 +37,7 @@ _BELONGS = {"fluid": "fluid_changed", "channel": "sensor_replaced"}
 """Details of an entry, and the only action that each says something about."""
 
 
-def _known(product: str) -> str:
-    if product not in FLUIDS:
-        raise ValueError(f"the twin has no fluid {product}; known: {', '.join(sorted(FLUIDS))}")
-    return product
-
-
-Fluid = Annotated[Name, AfterValidator(_known)]
+Fluid = Annotated[Name, AfterValidator(known_fluid)]
 
 
 class NewMaintenance(Body):
