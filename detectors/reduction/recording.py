@@ -21,7 +21,7 @@ def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[s
     """Zero, windows, spectrum and droop of one recording; says in a sentence why it adds nothing when no window was accepted."""
     zero, off = pump_off_zero(recording, pump, thresholds)
     windows = tuple(sorted((*off, *steady_windows(recording, pump, thresholds)), key=lambda w: w.start_s))
-    flags = []
+    flags = [*recording.flags]
     if not zero.measured:
         flags.append("no pump-off stretch: the case sensor's offset is unknown on this record")
     if "reservoir_pressure_bar" not in recording:
