@@ -112,7 +112,9 @@ def checked(
         faults.append(Fault("ambient_pressure_bar", "is needed: the mapping says that a pressure is absolute"))
     channels = _gauge(raw, metadata)
     with np.errstate(all="ignore"):  # damaged files hold numbers that overflow any sum; they are faults, not warnings
-        faults += raw.faults + channel_faults(RawRecord(raw.metadata, channels), pump)
+        found = channel_faults(RawRecord(raw.metadata, channels), pump)
+    explained = {fault.where for fault in raw.faults}
+    faults += raw.faults + [f for f in found if f.problem != "is missing" or f.where not in explained]
     if faults or metadata is None:
         raise Invalid(f"the record has {len(faults)} fault(s); nothing of it was stored", faults)
     foreign = {k: v for k, v in metadata.foreign.items() if isinstance(v, (str, int, float))}
