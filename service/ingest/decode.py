@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Invalid
-from service.ingest.mapping import ChannelMapping, mapped
+from service.ingest.mapped import mapped_record
+from service.ingest.mapping import ChannelMapping
 from service.ingest.metadata import RecordMetadata, TypeLookup, built_in, checked_metadata
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawFile, RawRecord
-from service.ingest.time_base import on_one_base
 from service.ingest.validation import channel_faults
 from twin.pumps import PUMP_TYPES
 from twin.recording import Recording
@@ -100,7 +100,7 @@ def checked(
     Invalid
         with every fault found.
     """
-    raw = on_one_base(file if mapping is None else mapped(file, mapping))
+    raw = mapped_record(file, mapping)
     named = {**raw.metadata, **overrides}
     owner = str(named["operator"]) if named.get("operator") else None
     metadata, faults = checked_metadata(named, now, lambda name: types(owner, name) is not None)
