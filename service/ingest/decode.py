@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Invalid
-from service.ingest.mapping import ChannelMapping, mapped
+from service.ingest.mapped import mapped_record
+from service.ingest.mapping import ChannelMapping
 from service.ingest.metadata import RecordMetadata, TypeLookup, built_in, checked_metadata
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawFile, RawRecord
 from service.ingest.repair import repaired
-from service.ingest.time_base import on_one_base
 from service.ingest.validation import channel_faults
 from twin.pumps import PUMP_TYPES
 from twin.recording import Recording
@@ -101,7 +101,7 @@ def checked(
     Invalid
         with every fault found.
     """
-    raw = repaired(on_one_base(file if mapping is None else mapped(file, mapping)))
+    raw = repaired(mapped_record(file, mapping))
     named = {**raw.metadata, **overrides}
     owner = str(named["operator"]) if named.get("operator") else None
     metadata, faults = checked_metadata(named, now, lambda name: types(owner, name) is not None)

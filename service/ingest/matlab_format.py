@@ -116,10 +116,10 @@ def _item(name: str, value: Any, limits: Limits) -> "Leaf | Tree":
 def _by_name(name: str, structs: list[Tree]) -> Tree:
     """Entries of an array of structs under what each calls itself, else under their place."""
     found: Tree = {}
-    for i, struct in enumerate(structs):
-        called = next((leaf for key in _NAMES if isinstance(leaf := struct.get(key), Leaf)), Leaf(None)).value
+    for i, entry in enumerate(structs):
+        called = next((leaf for key in _NAMES if isinstance(leaf := entry.get(key), Leaf)), Leaf(None)).value
         place = f"{name}({i + 1})"
-        found[called if isinstance(called, str) and called and called not in found else place] = struct
+        found[called if isinstance(called, str) and called and called not in found else place] = entry
     return found
 
 

@@ -44,11 +44,49 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class TextDialect:
-    """How a text file writes its table; the defaults are those of the documented CSV."""
+    """How a text file writes its table; the defaults are those of the documented CSV.
+
+    Attributes
+    ----------
+    delimiter
+        Between fields; a blank means runs of blanks.
+    decimal, thousands
+        Decimal sign, and what stands between groups of three digits (empty: nothing does).
+    encoding
+        Text encoding.
+    header_row
+        Line number of the header, from 1; None: the first line that is neither blank nor a comment.
+    header_rows
+        Lines that the header takes, joined with a blank column by column.
+    no_header
+        There is none: columns are called ``names``, or by their number from ``1``.
+    names
+        Names of the columns instead of the header's.
+    units_row
+        Line number whose cells are the units of the columns, from 1.
+    skip_rows
+        Line numbers that say nothing.
+    comment
+        What a line of comment begins with; empty: nothing does.
+    footer_rows
+        Lines at the end that are no rows.
+    missing
+        Words for a missing sample beside the usual ones.
+    """
 
     delimiter: str = ","
     decimal: str = "."
     encoding: str = "utf-8"
+    thousands: str = ""
+    header_row: int | None = None
+    header_rows: int = 1
+    no_header: bool = False
+    names: tuple[str, ...] = ()
+    units_row: int | None = None
+    skip_rows: tuple[int, ...] = ()
+    comment: str = "#"
+    footer_rows: int = 0
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
