@@ -8,6 +8,7 @@ from datetime import datetime
 import numpy as np
 
 from service.ingest.raw import Samples, Table
+from service.ingest.time_words import is_time_name
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, TIME
 
 KNOWN = frozenset((*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS)) - {TIME}
@@ -84,7 +85,7 @@ def columns_of(table: Table, name: str, *, alone: bool) -> tuple[list[Column], C
         if channel == TIME:
             continue
         # the format's clock under the name that the file gives it is no second channel
-        if made is not None and channel not in KNOWN and _equal(samples, made):
+        if made is not None and is_time_name(channel) and _equal(samples, made):
             continue
         mine = table.times.get(channel, times)
         fits = mine is not None and len(mine) == len(samples)

@@ -116,7 +116,7 @@ class _Reader:
             self._add(item.size)
             unit, axis = _unit(item.attrs), self._axis(item)
             return leaf_of(_unpacked(np.asarray(item[()]), item.attrs), unit, axis)
-        if item.dtype.kind in "SUO" and self._h5py.check_vlen_dtype(item.dtype) is None:
+        if self._h5py.check_string_dtype(item.dtype) is not None:
             return leaf_of(item[()]) if item.size <= MOST_TEXTS else Leaf(None, what="text")
         return Leaf(None, what=f"of the type {item.dtype}"[:100])
 
