@@ -120,7 +120,9 @@ def test_the_file_s_own_unit_is_used_and_contradicts_loudly(kind: str) -> None:
     # bar says nothing new
     same(read(kind, [Group("all", FLIGHT, units={"case_pressure_bar": "bar"})]), SLOW, FLIGHT[SLOW])
     mapping = ChannelMapping.model_validate({"channels": [{"source": "p_case", "channel": "case_pressure_bar"}]})
-    channels = {n: v for n, v in FLIGHT.items() if n != "case_pressure_bar"} | {"p_case": FLIGHT["case_pressure_bar"] * 100}
+    channels = {n: v for n, v in FLIGHT.items() if n != "case_pressure_bar"} | {
+        "p_case": FLIGHT["case_pressure_bar"] * 100
+    }
     decoded = read(kind, [Group("all", channels, units={"p_case": "kPa"})], mapping)
     assert np.allclose(decoded.recording["case_pressure_bar"], FLIGHT["case_pressure_bar"], rtol=1e-12)
 
