@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
+from service.ingest.hdf5_heaps import check_heaps
 from service.ingest.nested import MOST_TEXTS, Leaf, Tree, leaf_of, matrix, tables_of
 from service.ingest.raw import Limits, RawFile, check_size, plain
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS
@@ -50,6 +51,7 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
         import h5py  # noqa: PLC0415 - an extra
     except ImportError:
         raise UnknownType("reading HDF5 needs the extra: pip install 'casedrain[hdf5]'") from None
+    check_heaps(content)
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
             reader = _Reader(file, h5py, limits)

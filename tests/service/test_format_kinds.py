@@ -267,6 +267,18 @@ def test_hdf5_circles_end_and_no_link_leads_outside(tmp_path: Any) -> None:
     assert [fault.where for fault in made.faults] == ["channels.case_pressure_bar"]
 
 
+def test_hdf5_a_damaged_heap_of_texts_is_refused_before_the_library_hangs_on_it() -> None:
+    def write(file: Any) -> None:
+        file["time_s"], file["note"] = TIME, ["ground"] * N
+
+    content = bytearray(hdf5(write))
+    assert read(bytes(content), HDF5).tables[0].texts["note"] == ["ground"] * N
+    last = content.rindex(b"ground", 0, content.index(b"GCOL") + 4096) + 8
+    content[last : last + 16] = bytes(16)
+    with pytest.raises(Undecodable, match="damaged"):
+        read(bytes(content), HDF5)
+
+
 def test_hdf5_groups_without_times_are_never_laid_on_each_other() -> None:
     def write(file: Any) -> None:
         file["clock/time_s"] = TIME
