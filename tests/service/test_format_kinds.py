@@ -65,7 +65,7 @@ def test_mdf4_samples_that_the_file_calls_invalid_are_missing() -> None:
     assert np.array_equal(made.channels["other"], TIME * 2)
 
 
-def test_mdf4_conversions_are_applied_and_formulas_are_not_run() -> None:
+def test_mdf4_conversions_are_applied_and_no_formula_is_run_as_code() -> None:
     raw = np.arange(N, dtype=np.uint16)
     table = {"raw_0": 0, "phys_0": 0.0, "raw_1": 100, "phys_1": 1.0, "interpolation": True}
     content = mdf4(
@@ -74,7 +74,8 @@ def test_mdf4_conversions_are_applied_and_formulas_are_not_run() -> None:
             signal(raw, "ratio", conversion={"P1": 0, "P2": 2, "P3": 1, "P4": 0, "P5": 0, "P6": 4}),
             signal(raw, "table", conversion=table),
             signal(raw % 2, "phase", conversion={"val_0": 0, "text_0": b"off", "val_1": 1, "text_1": b"on"}),
-            signal(raw, "formula", conversion={"formula": "X1*2+1"}),
+            signal(raw, "formula", conversion={"formula": "X1**2 * 0.5 - 1"}),
+            signal(raw, "code", conversion={"formula": "__import__('os').getpid() + X1"}),
         ]
     )
     found = read(content, MDF4)
@@ -83,7 +84,8 @@ def test_mdf4_conversions_are_applied_and_formulas_are_not_run() -> None:
     assert np.allclose(channels["ratio"], (2.0 * raw + 1.0) / 4.0)
     assert np.allclose(channels["table"], np.minimum(raw, 100) / 100.0)
     assert found.tables[0].texts["phase"][:2] == ["off", "on"]
-    assert "formula" in found.not_kept["formula"]
+    assert np.allclose(channels["formula"], raw.astype(float) ** 2 * 0.5 - 1.0)
+    assert "formula" in found.not_kept["code"]
 
 
 def test_mdf4_arrays_structures_and_bytes_are_named_and_refuse_nothing() -> None:
