@@ -163,7 +163,8 @@ class _Reader:
         if len(item.shape) != 1:
             return Leaf(None, what=matrix(item.shape))
         self._add(item.size * len(item.dtype.names))
-        rows, tree = item[()], {}
+        rows = item[()]
+        tree: Tree = {}
         for name in item.dtype.names:
             tree[name] = leaf_of(rows[name]) if item.size > 1 else Leaf(None, what="a single row")
         for name, value in self._attributes(item).items():
