@@ -122,7 +122,7 @@ class _Reader:
             if self._pa.types.is_timestamp(kind) or self._pa.types.is_date(kind):
                 instants, utc = self._instants(values, kind)
                 clock = clock_of_instants(instants, utc=utc)
-                if clock is not None and is_time_name(_of_pandas(column)) and TIME not in columns:
+                if clock is not None and is_time_name(_of_pandas(column)) and (column == TIME or TIME not in columns):
                     time, start = clock
                 self._say(column, texts, instants, utc)
             elif self._pa.types.is_duration(kind):

@@ -294,6 +294,19 @@ def test_hdf5_groups_without_times_are_never_laid_on_each_other() -> None:
     assert "no times" in found["channels.case_pressure_bar"]
 
 
+@pytest.mark.parametrize("epoch", ["1970-01-01", "2026-05-02 07:00:00"])
+def test_hdf5_a_time_s_since_an_instant_says_when_it_started(epoch: str) -> None:
+    since = (START.replace(tzinfo=None) - datetime.fromisoformat(epoch)).total_seconds()
+
+    def write(file: Any) -> None:
+        file["time_s"], file["case_pressure_bar"] = TIME + since, CASE
+        file["time_s"].attrs["units"] = f"seconds since {epoch}"
+
+    made = record(hdf5(write), HDF5)
+    begun = datetime.fromisoformat(made.metadata["started_at"]).timestamp()
+    assert np.array_equal(begun + made.channels["time_s"], START.timestamp() + TIME)
+
+
 # MATLAB
 
 
@@ -378,6 +391,18 @@ def test_parquet_nested_structs_and_columns_of_every_type() -> None:
     assert made.channels["cost"][0] == 1.5
     assert np.isnan(made.channels["gaps"][0])
     assert set(made.not_kept) == {"timestamp", "made", "phase", "rows", "blob"}
+
+
+def test_parquet_instants_and_durations_called_time_s_are_time() -> None:
+    instants = pa.array(np.datetime64("2026-05-02T07:11:00", "us") + (TIME * 1e6).astype("timedelta64[us]"))
+    made = record(
+        parquet(pa.table({"time_s": instants.cast(pa.timestamp("us", "UTC")), "case_pressure_bar": CASE})), PARQUET
+    )
+    assert np.array_equal(made.channels["time_s"], TIME)
+    assert datetime.fromisoformat(made.metadata["started_at"]) == START
+    durations = pa.array((TIME * 1e3).astype("timedelta64[ms]"))
+    made = record(parquet(pa.table({"time_s": durations, "case_pressure_bar": CASE})), PARQUET)
+    assert np.array_equal(made.channels["time_s"], TIME)
 
 
 def test_parquet_a_frame_of_pandas_is_read_by_its_index() -> None:
