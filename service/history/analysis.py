@@ -2,7 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from detectors.words.flights import Outline
 from detectors.words.observation import Observation
@@ -12,6 +12,7 @@ from service.history import reduced
 from service.history.codec import reduction_from_json
 from service.history.placement import Place
 from service.history.setting import Setting
+from service.history.traits import Traits, traits_of
 from service.identity import software
 from service.storage.tables import Record
 from service.thresholds.layers import Effective
@@ -29,18 +30,24 @@ class RecordAnalysis:
     key: str
     reduction: StoredReduction
     residuals: dict[str, dict[str, ResidualAnswer]]
+    traits: Traits
 
 
 def keep_analysis(row: Record, analysis: RecordAnalysis) -> None:
     """Write an analysis into its record's row, in the name of this software."""
     row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
     row.reduced_by = dict(software().to_json())
+    traits = analysis.traits
+    row.samples_hash, row.remarks = traits.samples_hash, list(traits.remarks)
+    row.finished_at = None if row.started_at is None else row.started_at + timedelta(seconds=traits.last_s)
 
 
 def analysed(recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective) -> RecordAnalysis:
     """Reduce a recording and compare its windows with the twin."""
-    made = reduced.reduced(recording, setting.pump_type(kind), setting.circuit_parameters, thresholds.values)
-    return RecordAnalysis(analysis_key(kind, setting, thresholds), made.reduction, made.residuals)
+    pump = setting.pump_type(kind)
+    made = reduced.reduced(recording, pump, setting.circuit_parameters, thresholds.values)
+    key = analysis_key(kind, setting, thresholds)
+    return RecordAnalysis(key, made.reduction, made.residuals, traits_of(recording, pump))
 
 
 def analysis_key(kind: PumpType, setting: Setting, thresholds: Effective) -> str:

@@ -13,16 +13,15 @@ from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Observation
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
 from service.history.archive import Archive
+from service.history.contradictions import remarks_on
 from service.history.healthy_curves import healthy_curve
 from service.history.known import Known, Observations, PlacedRecord
+from service.history.neighbours import counting, look_alikes, neighbours, said_by
 from service.history.placement import Interval, Place, changes, place_at
 from service.history.setting import Setting, setting_at
 from service.ingest.decode import DEFAULT_PUMP_TYPE
 from service.pump_types.parameter_sets import held_type
 from service.storage.tables import (
-    ANALYSED,
-    SUPERSEDED,
-    WITHDRAWN,
     Entry,
     Installation,
     MaintenanceEvent,
@@ -42,7 +41,8 @@ class Knowledge:
     """Input of the fold with what the stored verdicts say beside it.
 
     ``anew`` holds the analyses that differ from the stored ones, by record: other thresholds, surroundings or
-    pump type than they were made with. ``flight_hours`` are those of the records that state them.
+    pump type than they were made with. ``flight_hours`` are those of the records that state them. ``contradicting``
+    are the pumps whose records contradict one of this pump's, by the id of that record.
     """
 
     known: Known
@@ -50,6 +50,7 @@ class Knowledge:
     thresholds: Effective
     anew: Mapping[str, RecordAnalysis]
     flight_hours: Mapping[str, float]
+    contradicting: Mapping[str, frozenset[int]]
 
     def observations(self, session: Session) -> Observations:
         """What reads the observations of records from the database."""
@@ -109,16 +110,19 @@ def knowledge(
     keys: dict[Setting, str] = {}
     older = [row.id for row in rows if row.reduction_digest is None]
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
+    maintenance = _maintenance(session, pump.id, known_at)
+    own = [said_by(pump.serial, row) for row in rows]
+    others = neighbours(session, pump, own, known_at)
+    remarks = remarks_on(own, others, maintenance)
     for row in rows:
         if len(anew) == most_anew:
             break
-        if row.started_at is None:
-            raise RuntimeError(f"record {row.id} counts without a start")
         place = place_at(intervals, row.aircraft or "", row.position or "", row.started_at)
         if place.aircraft not in aircraft:
             aircraft[place.aircraft] = registry_values(session, pump.operator, "aircraft", place.aircraft, known_at)
         setting = setting_at(aircraft[place.aircraft], row.started_at)
         flags = place.flags + _record_flags(row, name, registered, setting)
+        flags += (*(row.remarks or ()), *remarks.get(row.id, ()))
         if healthy is not None and not setting.has_own_fluid(kind):
             flags += (f"the measured healthy curve is not one with {setting.fluid}: judged against the twin",)
         if setting not in keys:
@@ -132,15 +136,22 @@ def knowledge(
                 anew[row.id], outline = analysis, ReductionOutline.of(analysis.reduction)
         placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
     placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
-    maintenance = _maintenance(session, pump.id, known_at)
-    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy)
+    alike = tuple(
+        f"pump {other.serial} looks like this one: the same pump twice?" for other in look_alikes(session, pump)
+    )
+    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy, alike)
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
-    return Knowledge(known, name, thresholds, anew, hours)
+    contradicting = {i: frozenset(o.pump_id for o in said if o.pump_id is not None) for i, said in others.items()}
+    return Knowledge(known, name, thresholds, anew, hours, contradicting)
 
 
 _LIGHT = (
     Record.id,
+    Record.pump_id,
     Record.started_at,
+    Record.finished_at,
+    Record.samples_hash,
+    Record.remarks,
     Record.aircraft,
     Record.position,
     Record.flight_id,
@@ -165,15 +176,8 @@ def counting_records(session: Session, pump_id: int) -> list[Record]:
 
 
 def _counting(pump_id: int, known_at: datetime | None) -> tuple[ColumnElement[bool], ...]:
-    """What picks the records that count now, or that counted at an instant."""
-    if known_at is None:
-        return Record.pump_id == pump_id, Record.status == ANALYSED
-    return (
-        Record.pump_id == pump_id,
-        Record.status.in_((ANALYSED, SUPERSEDED, WITHDRAWN)),
-        Record.received_at <= known_at,
-        or_(Record.ended_at.is_(None), Record.ended_at > known_at),
-    )
+    """What picks the records of a pump that count now, or that counted at an instant."""
+    return Record.pump_id == pump_id, *counting(known_at)
 
 
 def _reductions(session: Session, ids: Sequence[str]) -> dict[str, Any]:

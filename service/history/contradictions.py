@@ -1,0 +1,165 @@
+"""What records say against one another: the same samples twice, two flights at once, hours against dates.
+
+Nothing here is refused: remarks on the records, which every verdict that rests on them carries. They follow from the
+records that count alone, in event order, whatever order they came in.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import pairwise
+from typing import TypeAlias
+
+from detectors.words.observation import Maintenance
+
+Remarks: TypeAlias = dict[str, list[str]]
+
+HOURS_TOLERANCE = 1.0
+"""Flight hours are rounded, and said at the start of a flight or at its end [h] (our choice)."""
+CLEARLY_HOURS = 5.0
+"""What no rounding explains: longer than any flight of these helicopters [h]."""
+OVERLAP_TOLERANCE = timedelta(seconds=60.0)
+"""Clocks of two recorders differ by as much (our choice)."""
+LONGEST_SILENCE = timedelta(days=5 * 365)
+"""Years without a record are likelier a clock that was lost (our choice)."""
+OVERHAUL = "pump_overhauled"
+HOURS_BACKWARDS = "flight hours run against the dates: a recorder's clock was lost, or hours were counted anew"
+HOURS_TOO_FAST = "flight hours grow faster than time: a recorder's clock was lost, or the hours are not hours"
+SILENCE = "records lie more than five years apart: a recorder's clock may have been lost"
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What one record says of itself; ``until`` is None where nobody has looked at its samples yet."""
+
+    record_id: str
+    pump: str
+    flight_id: str
+    segment: str
+    aircraft: str
+    position: str
+    at: datetime
+    until: datetime | None
+    hours: float | None
+    samples_hash: str | None
+    pump_id: int | None = None
+
+    @property
+    def order(self) -> tuple[datetime, str]:
+        """Place in event order."""
+        return self.at, self.record_id
+
+
+def remarks_on(
+    own: Sequence[Said], others: Mapping[str, Sequence[Said]], maintenance: Sequence[Maintenance]
+) -> Remarks:
+    """Remarks by record.
+
+    Parameters
+    ----------
+    own
+        Records of one pump that count.
+    others
+        Records of other pumps that share samples, or a place at the same time, with one of its own, by its id.
+    maintenance
+        What was done to the pump; an overhaul counts the hours anew.
+    """
+    found: Remarks = {}
+    ordered = sorted(own, key=lambda said: said.order)
+    for record_id, words in (
+        *_copies(ordered, others),
+        *_overlaps(ordered),
+        *_strangers(ordered, others),
+        *hours_against_dates(ordered, [m.at for m in maintenance if m.action == OVERHAUL]),
+        *_silences(ordered),
+    ):
+        if words not in found.setdefault(record_id, []):
+            found[record_id].append(words)
+    return found
+
+
+def overlap(a: Said, b: Said) -> bool:
+    """Whether two records lie over each other in time by more than clocks differ."""
+    if a.until is None or b.until is None:
+        return False
+    shared = min(a.until, b.until) - max(a.at, b.at)
+    shorter = min(a.until - a.at, b.until - b.at)
+    return shared > min(OVERLAP_TOLERANCE, shorter / 2)
+
+
+def hours_against_dates(ordered: Sequence[Said], overhauls: Sequence[datetime]) -> Iterator[tuple[str, str]]:
+    """Records whose flight hours do not follow those of the record before, in event order."""
+    for before, here in pairwise(said for said in ordered if said.hours is not None):
+        if any(before.at < at <= here.at for at in overhauls):
+            continue
+        if _fewer(before, here, HOURS_TOLERANCE):
+            yield here.record_id, HOURS_BACKWARDS
+        elif _faster(before, here):
+            yield here.record_id, HOURS_TOO_FAST
+
+
+def contradicted(new: Said, before: Said | None, after: Said, overhauls: Sequence[datetime]) -> bool:
+    """Whether a new record clearly counts more flight hours than the next one by date that states any.
+
+    ``before`` is the last one before it. Where the stored hours fall at this place already, they were counted anew
+    there, and nothing is clear.
+    """
+    if not _fewer(new, after, CLEARLY_HOURS) or any(new.at < at <= after.at for at in overhauls):
+        return False
+    if before is None or _fewer(before, new, CLEARLY_HOURS):
+        return True
+    return not _fewer(before, after, CLEARLY_HOURS)
+
+
+def _fewer(before: Said, here: Said, tolerance: float) -> bool:
+    return before.hours is not None and here.hours is not None and here.hours < before.hours - tolerance
+
+
+def _faster(before: Said, here: Said) -> bool:
+    elapsed = (here.at - before.at).total_seconds() / 3600.0
+    return before.hours is not None and here.hours is not None and here.hours - before.hours > elapsed + CLEARLY_HOURS
+
+
+def _copies(ordered: Sequence[Said], others: Mapping[str, Sequence[Said]]) -> Iterator[tuple[str, str]]:
+    first: dict[str, Said] = {}
+    for here in ordered:
+        if here.samples_hash is None:
+            continue
+        earlier = first.setdefault(here.samples_hash, here)
+        if earlier is not here:
+            part = f" {earlier.segment}" if earlier.segment else ""
+            yield here.record_id, f"the samples of flight {earlier.flight_id}{part} again: one flight counts once"
+        for other in others.get(here.record_id, ()):
+            if other.samples_hash == here.samples_hash:
+                yield here.record_id, f"the same samples as flight {other.flight_id} of pump {other.pump}"
+
+
+def _overlaps(ordered: Sequence[Said]) -> Iterator[tuple[str, str]]:
+    """Flights of one pump at the same time; segments of one flight lie over each other rightly."""
+    running: list[Said] = []
+    for here in ordered:
+        running = [said for said in running if said.until is not None and said.until > here.at]
+        for said in running:
+            if said.flight_id == here.flight_id or not overlap(said, here):
+                continue
+            if said.aircraft != here.aircraft:
+                yield here.record_id, f"on {said.aircraft} and {here.aircraft} at the same time"
+            elif said.position != here.position:
+                yield here.record_id, f"at {said.position} and {here.position} of {here.aircraft} at the same time"
+            else:
+                yield here.record_id, "two flights at the same time"
+        running.append(here)
+
+
+def _strangers(ordered: Sequence[Said], others: Mapping[str, Sequence[Said]]) -> Iterator[tuple[str, str]]:
+    for here in ordered:
+        for other in others.get(here.record_id, ()):
+            same_place = (other.aircraft, other.position) == (here.aircraft, here.position)
+            if same_place and overlap(here, other):
+                yield here.record_id, f"pump {other.pump} in {here.aircraft} {here.position} at the same time"
+
+
+def _silences(ordered: Sequence[Said]) -> Iterator[tuple[str, str]]:
+    for before, here in pairwise(ordered):
+        if here.at - before.at > LONGEST_SILENCE:
+            yield here.record_id, SILENCE
