@@ -3,6 +3,7 @@
 from typing_extensions import TypedDict
 
 from service.answers.history import PlaceInTime
+from service.answers.registry import LookAlike
 from service.answers.words import Instant, Side, State, shape
 
 
@@ -46,6 +47,14 @@ class Pump(TypedDict):
     """What to do, in one sentence."""
     case_pressure_beyond: bool
     """Whether case over reservoir pressure is at twice its own reference or beyond its limit, whatever the cause."""
+
+
+@shape
+class PumpMade(Pump):
+    """A pump as it was registered."""
+
+    looks_like: list[LookAlike]
+    """Other pumps of the operator whose serial numbers are easily taken for this one's."""
 
 
 @shape

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import TypeAlias
 
 from detectors.words.observation import Maintenance
+from service.ingest.names import look_of
 
 Remarks: TypeAlias = dict[str, list[str]]
 
@@ -75,6 +76,19 @@ def remarks_on(
     ):
         if words not in found.setdefault(record_id, []):
             found[record_id].append(words)
+    return found
+
+
+def names_alike(own: Sequence[Said]) -> list[str]:
+    """Aircraft and positions of a pump's records that differ and are easily taken for one another."""
+    names = {"aircraft": {said.aircraft for said in own}, "positions": {said.position for said in own}}
+    found = []
+    for kind, different in names.items():
+        looks: dict[str, list[str]] = {}
+        for name in sorted(different):
+            looks.setdefault(look_of(name), []).append(name)
+        alike = [" and ".join(same) for same in looks.values() if len(same) > 1]
+        found += [f"{kind} {same} look alike: the same one in two spellings?" for same in alike]
     return found
 
 

@@ -13,7 +13,7 @@ from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Observation
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
 from service.history.archive import Archive
-from service.history.contradictions import remarks_on
+from service.history.contradictions import names_alike, remarks_on
 from service.history.healthy_curves import healthy_curve
 from service.history.known import Known, Observations, PlacedRecord
 from service.history.neighbours import counting, look_alikes, neighbours, said_by
@@ -136,10 +136,9 @@ def knowledge(
                 anew[row.id], outline = analysis, ReductionOutline.of(analysis.reduction)
         placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
     placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
-    alike = tuple(
-        f"pump {other.serial} looks like this one: the same pump twice?" for other in look_alikes(session, pump)
-    )
-    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy, alike)
+    alike = [f"pump {other.serial} looks like this one: the same pump twice?" for other in look_alikes(session, pump)]
+    alike += names_alike(own)
+    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy, tuple(alike))
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
     contradicting = {i: frozenset(o.pump_id for o in said if o.pump_id is not None) for i, said in others.items()}
     return Knowledge(known, name, thresholds, anew, hours, contradicting)
