@@ -51,6 +51,18 @@ class Said:
         return self.at, self.record_id
 
 
+def copies(own: Sequence[Said]) -> frozenset[str]:
+    """Records of one pump whose samples an earlier one, in event order, holds already: evidence once, whatever the name."""
+    seen: set[str] = set()
+    found = set()
+    for said in sorted(own, key=lambda said: said.order):
+        if said.samples_hash in seen:
+            found.add(said.record_id)
+        elif said.samples_hash is not None:
+            seen.add(said.samples_hash)
+    return frozenset(found)
+
+
 def remarks_on(
     own: Sequence[Said], others: Mapping[str, Sequence[Said]], maintenance: Sequence[Maintenance]
 ) -> Remarks:
@@ -143,9 +155,10 @@ def _copies(ordered: Sequence[Said], others: Mapping[str, Sequence[Said]]) -> It
         if earlier is not here:
             part = f" {earlier.segment}" if earlier.segment else ""
             yield here.record_id, f"the samples of flight {earlier.flight_id}{part} again: one flight counts once"
-        for other in others.get(here.record_id, ()):
-            if other.samples_hash == here.samples_hash:
-                yield here.record_id, f"the same samples as flight {other.flight_id} of pump {other.pump}"
+        same = [other for other in others.get(here.record_id, ()) if other.samples_hash == here.samples_hash]
+        if same:
+            elsewhere = min(same, key=lambda said: said.order)
+            yield here.record_id, f"the same samples as flight {elsewhere.flight_id} of pump {elsewhere.pump}"
 
 
 def _overlaps(ordered: Sequence[Said]) -> Iterator[tuple[str, str]]:

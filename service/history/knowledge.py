@@ -1,7 +1,7 @@
 """What is known of a pump, now or at an earlier instant, gathered from the database for the fold."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, TypeAlias, TypeVar
 
@@ -13,12 +13,13 @@ from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Observation
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
 from service.history.archive import Archive
-from service.history.contradictions import names_alike, remarks_on
+from service.history.contradictions import copies, names_alike, remarks_on
 from service.history.healthy_curves import healthy_curve
 from service.history.known import Known, Observations, PlacedRecord
 from service.history.neighbours import counting, look_alikes, neighbours, said_by
 from service.history.placement import Interval, Place, changes, place_at
 from service.history.setting import Setting, setting_at
+from service.history.traits import without_evidence
 from service.ingest.decode import DEFAULT_PUMP_TYPE
 from service.pump_types.parameter_sets import held_type
 from service.storage.tables import (
@@ -42,7 +43,8 @@ class Knowledge:
 
     ``anew`` holds the analyses that differ from the stored ones, by record: other thresholds, surroundings or
     pump type than they were made with. ``flight_hours`` are those of the records that state them. ``contradicting``
-    are the pumps whose records contradict one of this pump's, by the id of that record.
+    are the pumps whose records contradict one of this pump's, by the id of that record; ``copies`` are records whose
+    samples are another's, which are evidence of nothing.
     """
 
     known: Known
@@ -51,6 +53,7 @@ class Knowledge:
     anew: Mapping[str, RecordAnalysis]
     flight_hours: Mapping[str, float]
     contradicting: Mapping[str, frozenset[int]]
+    copies: frozenset[str]
 
     def observations(self, session: Session) -> Observations:
         """What reads the observations of records from the database."""
@@ -59,7 +62,11 @@ class Knowledge:
         def read(ids: Sequence[str]) -> Mapping[str, Observation]:
             documents = {i: self.anew[i].reduction for i in ids if i in self.anew}
             documents |= _reductions(session, [i for i in ids if i not in self.anew])
-            return {i: observation_at(outlines[i], documents[i], self.flight_hours.get(i)) for i in ids}
+            found = {i: observation_at(outlines[i], documents[i], self.flight_hours.get(i)) for i in ids}
+            again = {
+                i: replace(o, reduction=without_evidence(o.reduction)) for i, o in found.items() if i in self.copies
+            }
+            return found | again
 
         return read
 
@@ -113,7 +120,7 @@ def knowledge(
     maintenance = _maintenance(session, pump.id, known_at)
     own = [said_by(pump.serial, row) for row in rows]
     others = neighbours(session, pump, own, known_at)
-    remarks = remarks_on(own, others, maintenance)
+    remarks, again = remarks_on(own, others, maintenance), copies(own)
     for row in rows:
         if len(anew) == most_anew:
             break
@@ -134,6 +141,8 @@ def knowledge(
             else:
                 analysis = analysed(archive.recording(session.get_one(Record, row.id), kind), kind, setting, thresholds)
                 anew[row.id], outline = analysis, ReductionOutline.of(analysis.reduction)
+        if row.id in again:
+            outline = ReductionOutline(f"{outline.digest} again", has_zero_flow=False, has_spectrum=False)
         placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
     placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
     alike = [f"pump {other.serial} looks like this one: the same pump twice?" for other in look_alikes(session, pump)]
@@ -141,7 +150,7 @@ def knowledge(
     known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy, tuple(alike))
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
     contradicting = {i: frozenset(o.pump_id for o in said if o.pump_id is not None) for i, said in others.items()}
-    return Knowledge(known, name, thresholds, anew, hours, contradicting)
+    return Knowledge(known, name, thresholds, anew, hours, contradicting, again)
 
 
 _LIGHT = (

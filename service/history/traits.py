@@ -1,10 +1,11 @@
 """What a record shows beside its reduction: how long it lasts, whether its samples came before, what looks odd in it."""
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from detectors.words.observation import Reduction
 from service.ingest.scales import scale_remarks
 from twin.parameters import PumpType
 from twin.recording import REQUIRED_CHANNELS, TIME, Recording
@@ -28,6 +29,12 @@ class Traits:
     last_s: float
     samples_hash: str
     remarks: tuple[str, ...]
+
+
+def without_evidence(reduction: Reduction) -> Reduction:
+    """A reduction that says nothing: of a record that only repeats the samples of another."""
+    said = "its samples are those of another flight"
+    return replace(reduction, windows=(), explanation=said, spectrum=None, droop=None, behaviours={})
 
 
 def traits_of(recording: Recording, pump: PumpType) -> Traits:

@@ -31,6 +31,7 @@ _REST_BAR = (-0.5, 2.5)
 """Gauge pressure of case and reservoir at rest, above the pump type's nominal reservoir pressure."""
 _RISE_BAR = (0.05, 5.0)
 """What a running pump adds to the case pressure, healthy or worn (our choice)."""
+_USUAL_RISE_BAR = 0.6
 _HOTTEST_OFF_DEGC, _HOTTEST_DEGC = 110.0, 125.0
 """Hydraulic fluid at rest after a flight and in flight: above both, degF is likelier (135 degC ends MIL-PRF-83282)."""
 _USUAL_DEGC = (-50.0, 110.0)
@@ -106,12 +107,10 @@ def scale_remarks(channels: Mapping[str, Samples], pump: PumpType) -> tuple[str,
         if abs(by - STANDARD_ATMOSPHERE_BAR) < 0.15:
             remarks.append(f"{first} reads one atmosphere more than {second} at rest: it looks absolute")
     rest = case.middle - pump.nominal_reservoir_pressure_bar
-    if abs(apart) < 0.1 and abs(rest - STANDARD_ATMOSPHERE_BAR) < 0.1:
-        remarks.append(f"{CASE} and {RESERVOIR} read one atmosphere at rest: if they are absolute, say so")
     # a tenth of a bar at rest and a tenth above it running: bar where MPa would be usual
     if case_running is not None and abs(apart) < 0.02 and 0.01 < rest < 0.2:
         rise = case_running.middle - case.middle
-        if 0.02 < rise < 0.2 and case_running.spread < rise:
+        if 0.02 < rise < 0.12 and case_running.spread < rise:
             remarks.append(f"{CASE} and {RESERVOIR} are a tenth of what is usual: they look like MPa")
     return tuple(remarks)
 
@@ -125,11 +124,15 @@ def _pressure_faults(
         return []
     if most.middle <= _BEYOND * full_scale:
         return _too_small(name, levels, pump)
-    fitting = [unit for unit, size in PRESSURE_UNITS.items() if _fits(name, levels, size, pump)]
+    fitting = {unit: size for unit, size in PRESSURE_UNITS.items() if _fits(name, levels, size, pump)}
     if not fitting:
         return []
+    likely = list(fitting)  # the largest first
+    if name == CASE and off is not None and running is not None:
+        rise = running.middle - off.middle
+        likely.sort(key=lambda unit: abs(np.log(fitting[unit] * rise / _USUAL_RISE_BAR)))
     words = f"is {_words(levels)}, beyond the range of a sensor of {full_scale:g} bar full scale: it looks like "
-    words += f"{' or '.join(fitting)}; if the sensor has a larger range, enter it with the aircraft's sensors"
+    words += f"{' or '.join(likely[:2])}; if the sensor has a larger range, enter it with the aircraft's sensors"
     return [Fault(f"channels.{name}", words)]
 
 
