@@ -273,8 +273,8 @@ def analyse(
 
     With --json: {"pumps": [{"serial", "verdict", "files", "picture"}], "refused": [{"file", "detail", "errors"}]}. A
     verdict has state, side, confidence, probabilities, candidates, advice, resolving_measurement, fit, blind_spots,
-    probability_beyond_limit, crossing, intermittent, resolved_by, missing_evidence and case_pressure, as the API gives
-    them; a file has file, state, zero_flow_s (start and end, or null), explanation and residuals: per channel value and
+    probability_beyond_limit, crossing, intermittent, resolved_by, missing_evidence, case_pressure and quality, as the API
+    gives them; a file has file, state, zero_flow_s (start and end, or null), explanation and residuals: per channel value and
     standard_deviation [bar]. Errors have where and problem.
     """
     from detectors.curve.picture import curve_svg  # noqa: PLC0415 - heavy, and only here

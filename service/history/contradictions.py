@@ -167,7 +167,10 @@ def _overlaps(ordered: Sequence[Said]) -> Iterator[tuple[str, str]]:
     for here in ordered:
         running = [said for said in running if said.until is not None and said.until > here.at]
         for said in running:
-            if said.flight_id == here.flight_id or not overlap(said, here):
+            if not overlap(said, here):
+                continue
+            same_place = (said.aircraft, said.position) == (here.aircraft, here.position)
+            if said.flight_id == here.flight_id and same_place:
                 continue
             if said.aircraft != here.aircraft:
                 yield here.record_id, f"on {said.aircraft} and {here.aircraft} at the same time"
