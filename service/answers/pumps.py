@@ -1,5 +1,7 @@
 """Pumps: the list, trends, forecast and the damage identification curve."""
 
+from typing import NotRequired
+
 from typing_extensions import TypedDict
 
 from service.answers.history import PlaceInTime
@@ -53,8 +55,8 @@ class Pump(TypedDict):
 class PumpMade(Pump):
     """A pump as it was registered."""
 
-    looks_like: list[LookAlike]
-    """Other pumps of the operator whose serial numbers are easily taken for this one's."""
+    looks_like: NotRequired[list[LookAlike]]
+    """Other pumps of the operator whose serial numbers are easily taken for this one's; left out where there are none."""
 
 
 @shape

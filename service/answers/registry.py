@@ -59,8 +59,8 @@ class LookAlike(TypedDict):
 class AircraftMade(Aircraft):
     """An aircraft as it was registered."""
 
-    looks_like: list[LookAlike]
-    """Other aircraft of the operator whose names are easily taken for this one's."""
+    looks_like: NotRequired[list[LookAlike]]
+    """Other aircraft of the operator whose names are easily taken for this one's; left out where there are none."""
 
 
 @shape

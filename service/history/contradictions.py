@@ -26,6 +26,8 @@ LONGEST_SILENCE = timedelta(days=5 * 365)
 OVERHAUL = "pump_overhauled"
 HOURS_BACKWARDS = "flight hours run against the dates: a recorder's clock was lost, or hours were counted anew"
 HOURS_TOO_FAST = "flight hours grow faster than time: a recorder's clock was lost, or the hours are not hours"
+COPIED_ELSEWHERE = "another pump has a record with the same samples"
+PLACE_TAKEN = "another pump says that it sat in the same place at the same time"
 SILENCE = "records lie more than five years apart: a recorder's clock may have been lost"
 
 
@@ -64,7 +66,7 @@ def copies(own: Sequence[Said]) -> frozenset[str]:
 
 
 def remarks_on(
-    own: Sequence[Said], others: Mapping[str, Sequence[Said]], maintenance: Sequence[Maintenance]
+    own: Sequence[Said], elsewhere: Mapping[str, Sequence[str]], maintenance: Sequence[Maintenance]
 ) -> Remarks:
     """Remarks by record.
 
@@ -72,17 +74,17 @@ def remarks_on(
     ----------
     own
         Records of one pump that count.
-    others
-        Records of other pumps that share samples, or a place at the same time, with one of its own, by its id.
+    elsewhere
+        Remarks on records that records of other pumps contradict.
     maintenance
         What was done to the pump; an overhaul counts the hours anew.
     """
     found: Remarks = {}
     ordered = sorted(own, key=lambda said: said.order)
     for record_id, words in (
-        *_copies(ordered, others),
+        *_copies(ordered),
         *_overlaps(ordered),
-        *_strangers(ordered, others),
+        *((here.record_id, words) for here in ordered for words in elsewhere.get(here.record_id, ())),
         *hours_against_dates(ordered, [m.at for m in maintenance if m.action == OVERHAUL]),
         *_silences(ordered),
     ):
@@ -111,6 +113,11 @@ def overlap(a: Said, b: Said) -> bool:
     shared = min(a.until, b.until) - max(a.at, b.at)
     shorter = min(a.until - a.at, b.until - b.at)
     return shared > min(OVERLAP_TOLERANCE, shorter / 2)
+
+
+def meet(a: Said, b: Said) -> bool:
+    """Whether two records lie over each other in time at all."""
+    return a.until is not None and b.until is not None and a.at < b.until and b.at < a.until
 
 
 def hours_against_dates(ordered: Sequence[Said], overhauls: Sequence[datetime]) -> Iterator[tuple[str, str]]:
@@ -146,7 +153,7 @@ def _faster(before: Said, here: Said) -> bool:
     return before.hours is not None and here.hours is not None and here.hours - before.hours > elapsed + CLEARLY_HOURS
 
 
-def _copies(ordered: Sequence[Said], others: Mapping[str, Sequence[Said]]) -> Iterator[tuple[str, str]]:
+def _copies(ordered: Sequence[Said]) -> Iterator[tuple[str, str]]:
     first: dict[str, Said] = {}
     for here in ordered:
         if here.samples_hash is None:
@@ -155,10 +162,6 @@ def _copies(ordered: Sequence[Said], others: Mapping[str, Sequence[Said]]) -> It
         if earlier is not here:
             part = f" {earlier.segment}" if earlier.segment else ""
             yield here.record_id, f"the samples of flight {earlier.flight_id}{part} again: one flight counts once"
-        same = [other for other in others.get(here.record_id, ()) if other.samples_hash == here.samples_hash]
-        if same:
-            elsewhere = min(same, key=lambda said: said.order)
-            yield here.record_id, f"the same samples as flight {elsewhere.flight_id} of pump {elsewhere.pump}"
 
 
 def _overlaps(ordered: Sequence[Said]) -> Iterator[tuple[str, str]]:
@@ -179,14 +182,6 @@ def _overlaps(ordered: Sequence[Said]) -> Iterator[tuple[str, str]]:
             else:
                 yield here.record_id, "two flights at the same time"
         running.append(here)
-
-
-def _strangers(ordered: Sequence[Said], others: Mapping[str, Sequence[Said]]) -> Iterator[tuple[str, str]]:
-    for here in ordered:
-        for other in others.get(here.record_id, ()):
-            same_place = (other.aircraft, other.position) == (here.aircraft, here.position)
-            if same_place and overlap(here, other):
-                yield here.record_id, f"pump {other.pump} in {here.aircraft} {here.position} at the same time"
 
 
 def _silences(ordered: Sequence[Said]) -> Iterator[tuple[str, str]]:

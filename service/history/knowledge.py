@@ -13,10 +13,10 @@ from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Observation
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
 from service.history.archive import Archive
-from service.history.contradictions import copies, names_alike, remarks_on
+from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, names_alike, remarks_on
 from service.history.healthy_curves import healthy_curve
 from service.history.known import Known, Observations, PlacedRecord
-from service.history.neighbours import counting, look_alikes, neighbours, said_by
+from service.history.neighbours import copied_elsewhere, counting, look_alikes, place_taken, said_by
 from service.history.placement import Interval, Place, changes, place_at
 from service.history.setting import Setting, setting_at
 from service.history.traits import without_evidence
@@ -42,9 +42,8 @@ class Knowledge:
     """Input of the fold with what the stored verdicts say beside it.
 
     ``anew`` holds the analyses that differ from the stored ones, by record: other thresholds, surroundings or
-    pump type than they were made with. ``flight_hours`` are those of the records that state them. ``contradicting``
-    are the pumps whose records contradict one of this pump's, by the id of that record; ``copies`` are records whose
-    samples are another's, which are evidence of nothing.
+    pump type than they were made with. ``flight_hours`` are those of the records that state them. ``copies`` are
+    records whose samples are another's, which are evidence of nothing.
     """
 
     known: Known
@@ -52,7 +51,6 @@ class Knowledge:
     thresholds: Effective
     anew: Mapping[str, RecordAnalysis]
     flight_hours: Mapping[str, float]
-    contradicting: Mapping[str, frozenset[int]]
     copies: frozenset[str]
 
     def observations(self, session: Session) -> Observations:
@@ -104,7 +102,8 @@ def knowledge(
     most_anew
         Stop behind so many new analyses: they are all that is of use then. None for no bound.
     """
-    rows = session.execute(select(*_LIGHT).where(*_counting(pump.id, known_at))).all()
+    columns = (*_LIGHT, copied_elsewhere(known_at), place_taken(known_at))
+    rows = session.execute(select(*columns).where(*_counting(pump.id, known_at))).all()
     name, registered = _kind(session, pump, rows, known_at)
     name = pump_type_name or name
     kind = held_type(session, pump.operator, name)
@@ -119,8 +118,7 @@ def knowledge(
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
     maintenance = _maintenance(session, pump.id, known_at)
     own = [said_by(pump.serial, row) for row in rows]
-    others = neighbours(session, pump, own, known_at)
-    remarks, again = remarks_on(own, others, maintenance), copies(own)
+    remarks, again = remarks_on(own, _elsewhere(rows), maintenance), copies(own)
     for row in rows:
         if len(anew) == most_anew:
             break
@@ -149,8 +147,13 @@ def knowledge(
     alike += names_alike(own)
     known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy, tuple(alike))
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
-    contradicting = {i: frozenset(o.pump_id for o in said if o.pump_id is not None) for i, said in others.items()}
-    return Knowledge(known, name, thresholds, anew, hours, contradicting, again)
+    return Knowledge(known, name, thresholds, anew, hours, again)
+
+
+def _elsewhere(rows: Sequence[AnyRow]) -> dict[str, list[str]]:
+    """Remarks on records that records of other pumps contradict."""
+    kinds = ((COPIED_ELSEWHERE, "copied_elsewhere"), (PLACE_TAKEN, "place_taken"))
+    return {row.id: [words for words, name in kinds if getattr(row, name)] for row in rows}
 
 
 _LIGHT = (

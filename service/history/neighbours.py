@@ -1,21 +1,23 @@
 """Records of other pumps that share samples, or a place at the same time, with a pump's own; and pumps that look alike."""
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import ColumnElement, Row, and_, or_, select, union
+from sqlalchemy import ColumnElement, Row, and_, exists, or_, select
+from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.orm import Session, aliased
+from sqlalchemy.sql.compiler import SQLCompiler
+from sqlalchemy.sql.functions import FunctionElement
 
-from service.history.contradictions import Said, overlap
+from service.history.contradictions import Said, meet
 from service.ingest.names import look_of
 from service.storage.tables import ANALYSED, SUPERSEDED, WITHDRAWN, Pump, Record
 
-LONGEST = timedelta(hours=48.0)
+LONGEST = timedelta(days=2)
 """No record is longer."""
-_MOST_PLACES = 50
-"""Places of a pump that are compared with those of others: no pump has sat in so many."""
+_MOST_COMPARED = 20
+"""Records of one place and time that are compared with one another; where there are more, all contradict long since."""
 SAID = (
     Record.id,
     Record.pump_id,
@@ -31,7 +33,24 @@ SAID = (
 """Columns that ``said_by`` reads."""
 
 
-def counting(known_at: datetime | None, table: type[Record] = Record) -> tuple[ColumnElement[bool], ...]:
+class _LongestBefore(FunctionElement[datetime]):
+    """The instant so long before another that no record of then lasts until it."""
+
+    inherit_cache = True
+
+
+@compiles(_LongestBefore, "sqlite")
+def _in_sqlite(element: Any, compiler: SQLCompiler, **options: Any) -> str:
+    # instants are texts there, and these order as they do
+    return f"strftime('%Y-%m-%d %H:%M:%f', {compiler.process(element.clauses, **options)}, '-{LONGEST.days} days')"
+
+
+@compiles(_LongestBefore, "postgresql")
+def _in_postgres(element: Any, compiler: SQLCompiler, **options: Any) -> str:
+    return f"({compiler.process(element.clauses, **options)} - interval '{LONGEST.days} days')"
+
+
+def counting(known_at: datetime | None, table: Any = Record) -> tuple[ColumnElement[bool], ...]:
     """What picks the records that count now, or that counted at an instant."""
     if known_at is None:
         return (table.status == ANALYSED,)
@@ -42,23 +61,32 @@ def counting(known_at: datetime | None, table: type[Record] = Record) -> tuple[C
     )
 
 
-def neighbours(
-    session: Session, pump: Pump, own: Sequence[Said], known_at: datetime | None = None
-) -> Mapping[str, list[Said]]:
-    """Records of other pumps of the operator that contradict one of ``own``, by the id of that one."""
-    mine = aliased(Record)
-    copies = select(*SAID, Pump.serial).join(Pump, Pump.id == Record.pump_id)
-    copies = copies.join(mine, and_(mine.samples_hash == Record.samples_hash, mine.pump_id == pump.id))
-    query = copies.where(Record.operator == pump.operator, Record.pump_id != pump.id, *counting(known_at))
-    places = list(_places(own))[:_MOST_PLACES]
-    if places:
-        there = select(*SAID, Pump.serial).join(Pump, Pump.id == Record.pump_id)
-        there = there.where(Record.operator == pump.operator, Record.pump_id != pump.id, or_(*places))
-        rows = session.execute(union(query, there.where(*counting(known_at)))).all()
-    else:
-        rows = session.execute(query).all()
-    others = [said_by(row.serial, row) for row in rows]
-    return _matched(own, others)
+def copied_elsewhere(known_at: datetime | None) -> ColumnElement[bool]:
+    """Whether another pump of the operator has a record with the samples of this one."""
+    other = aliased(Record)
+    return exists().where(*_same_samples(Record, other), *counting(known_at, other)).label("copied_elsewhere")
+
+
+def place_taken(known_at: datetime | None) -> ColumnElement[bool]:
+    """Whether another pump of the operator has a record of this one's place and time."""
+    other = aliased(Record)
+    return exists().where(*_same_place(Record, other), *counting(known_at, other)).label("place_taken")
+
+
+def _same_samples(here: Any, other: Any) -> tuple[ColumnElement[bool], ...]:
+    return (other.operator == here.operator, other.samples_hash == here.samples_hash, other.pump_id != here.pump_id)
+
+
+def _same_place(here: Any, other: Any) -> tuple[ColumnElement[bool], ...]:
+    return (
+        other.operator == here.operator,
+        other.aircraft == here.aircraft,
+        other.position == here.position,
+        other.started_at > _LongestBefore(here.started_at),
+        other.started_at < here.finished_at,
+        other.finished_at > here.started_at,
+        other.pump_id != here.pump_id,
+    )
 
 
 def said_by(serial: str, row: Record | Row[*tuple[Any, ...]]) -> Said:
@@ -71,54 +99,25 @@ def said_by(serial: str, row: Record | Row[*tuple[Any, ...]]) -> Said:
     )
 
 
-def contradicting(session: Session, pump: Pump, row: Record) -> set[int]:
-    """Pumps whose records contradict one record of this pump."""
-    if row.started_at is None:
-        return set()
-    said = said_by(pump.serial, row)
-    return {o.pump_id for o in neighbours(session, pump, [said]).get(said.record_id, ()) if o.pump_id is not None}
+def newly_contradicted(session: Session, row: Record) -> set[int]:
+    """Other pumps with a record that only this one contradicts: their remarks come and go with it."""
+    copies = _matching(session, row, _same_samples)
+    pumps = {copy.pump_id for copy in copies}
+    found = pumps if len(pumps) == 1 else set()
+    there = _matching(session, row, _same_place)
+    for one in there:
+        if not any(other.pump_id != one.pump_id and meet(one, other) for other in there[:_MOST_COMPARED]):
+            found.add(one.pump_id)
+    return {pump_id for pump_id in found if pump_id is not None}
+
+
+def _matching(session: Session, row: Record, same: Callable[[Any, Any], tuple[ColumnElement[bool], ...]]) -> list[Said]:
+    mine = aliased(Record)
+    query = select(*SAID).join(mine, and_(*same(mine, Record))).where(mine.id == row.id, *counting(None))
+    return [said_by("", other) for other in session.execute(query)]
 
 
 def look_alikes(session: Session, pump: Pump) -> list[Pump]:
     """Other pumps of the operator whose serial numbers are easily taken for this one's."""
     query = select(Pump).where(Pump.operator == pump.operator, Pump.look == look_of(pump.serial), Pump.id != pump.id)
     return list(session.scalars(query.order_by(Pump.serial)))
-
-
-def _places(own: Sequence[Said]) -> Iterator[ColumnElement[bool]]:
-    """Where and when records of others could meet those of a pump."""
-    spans: dict[tuple[str, str], tuple[datetime, datetime]] = {}
-    for said in own:
-        if said.until is not None:
-            first, last = spans.get((said.aircraft, said.position), (said.at, said.until))
-            spans[said.aircraft, said.position] = min(first, said.at), max(last, said.until)
-    for (aircraft, position), (first, last) in spans.items():
-        yield and_(
-            Record.aircraft == aircraft,
-            Record.position == position,
-            Record.started_at > first - LONGEST,
-            Record.started_at < last,
-            Record.finished_at > first,
-        )
-
-
-def _matched(own: Sequence[Said], others: Sequence[Said]) -> dict[str, list[Said]]:
-    ordered = sorted(own, key=lambda said: said.order)
-    starts = [said.at for said in ordered]
-    copies: dict[str, list[Said]] = {}
-    for said in own:
-        if said.samples_hash is not None:
-            copies.setdefault(said.samples_hash, []).append(said)
-    found: dict[str, list[Said]] = {}
-    for other in sorted(others, key=lambda said: said.order):
-        near = copies.get(other.samples_hash or "", [])
-        if other.until is not None:
-            begin, end = bisect_left(starts, other.at - LONGEST), bisect_right(starts, other.until)
-            near = [*near, *(said for said in ordered[begin:end] if said not in near and _meet(said, other))]
-        for said in near:
-            found.setdefault(said.record_id, []).append(other)
-    return found
-
-
-def _meet(a: Said, b: Said) -> bool:
-    return (a.aircraft, a.position) == (b.aircraft, b.position) and overlap(a, b)

@@ -20,7 +20,7 @@ from service.history.analysis import analysed, keep_analysis
 from service.history.archive import Archive, RegisteredType
 from service.history.arrival import known_aircraft
 from service.history.knowledge import setting_of
-from service.history.neighbours import contradicting, look_alikes
+from service.history.neighbours import look_alikes, newly_contradicted
 from service.identity import release_number
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord, FullScales
 from service.ingest.mapping_version import MappingVersion
@@ -260,7 +260,7 @@ class Acceptance:
                 if row.supersedes:
                     older = session.get(Record, row.supersedes)
                     if older is not None:
-                        others |= contradicting(session, pump, older)
+                        others |= newly_contradicted(session, older)
                         older.status, older.ended_at = SUPERSEDED, row.received_at
                         session.flush()
                 row.pump_id = pump.id
@@ -274,7 +274,8 @@ class Acceptance:
                 keep_analysis(row, analysis)
                 row.status, row.waits_for = ANALYSED, None
                 session.flush()
-                others |= refold(session, pump, self._archive, cause).get(record_id, frozenset())
+                refold(session, pump, self._archive, cause)
+                others |= newly_contradicted(session, row)
                 if is_new:
                     others |= {other.id for other in look_alikes(session, pump)}
         except IntegrityError:

@@ -39,8 +39,6 @@ class Cause:
 
 
 REPROCESSED = Cause("reprocessed")
-Contradicting = Mapping[str, frozenset[int]]
-"""Pumps whose records contradict one of a pump, by the id of that record."""
 _MOST_IDS = 500
 """Ids of one query: SQLite allows 999 bound values in old builds."""
 log = structlog.get_logger("casedrain")
@@ -48,7 +46,7 @@ log = structlog.get_logger("casedrain")
 
 def refold(
     session: Session, pump: Pump, archive: Archive, cause: Cause = REPROCESSED, *, from_scratch: bool = False
-) -> Contradicting:
+) -> None:
     """Fold the pump's history anew, store an assessment per record and bring its alarms in line.
 
     The caller holds the pump's row lock (Postgres) or the write transaction (SQLite), so that two changes of one
@@ -56,8 +54,6 @@ def refold(
     before the first change stay as they are, and the fold begins at the newest snapshot before it.
 
     A pump that a newer release has judged is left alone: a process of that release folds it anew soon.
-
-    Returns the pumps whose records contradict this one's: their remarks change with it, and the caller folds them anew.
 
     Parameters
     ----------
@@ -71,7 +67,7 @@ def refold(
     """
     session.flush()
     if left_to_newer(session, pump):
-        return {}
+        return
     _outline_older(session, pump)
     pump.look = pump.look or look_of(pump.serial)
     found = knowledge(session, pump, archive)
@@ -107,7 +103,6 @@ def refold(
     after = {a.record_id: (a.at, a.verdict.state.value) for a in assessments}
     session.add_all(_revisions(pump, before, after, cause))
     follow(session, pump, found.thresholds.values)
-    return found.contradicting
 
 
 def refold_others(database: Database, archive: Archive, pump_ids: Collection[int], cause: Cause) -> None:

@@ -9,7 +9,7 @@ from service.access import audit
 from service.access.security import Principal
 from service.errors import Conflict
 from service.history.archive import Archive
-from service.history.neighbours import contradicting
+from service.history.neighbours import newly_contradicted
 from service.monitoring.refold import Cause, refold
 from service.reading import queries
 from service.storage.tables import ANALYSED, WITHDRAWN, Pump, Record
@@ -29,7 +29,7 @@ def withdraw_record(session: Session, asker: Principal, record_id: str, reason: 
     if found.pump_id is None:
         raise Conflict(f"record {record_id} is {found.status}: only an analysed record can be withdrawn")
     own = session.get_one(Pump, found.pump_id)
-    others = contradicting(session, own, found)
+    others = newly_contradicted(session, found)
     # in the order of their numbers, as everywhere, so that nobody waits in a circle
     query = select(Pump).where(Pump.id.in_({own.id, *others})).order_by(Pump.id).with_for_update()
     pumps = session.scalars(query.execution_options(populate_existing=True)).all()

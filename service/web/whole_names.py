@@ -7,7 +7,7 @@ shown a stand-in for the first, and every call gets its names back whole.
 from urllib.parse import unquote
 
 from fastapi import Request
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _STAND_IN = "\udc2f"
 """Half of a surrogate pair: no decoded address can hold it."""
@@ -25,11 +25,16 @@ class WholeNames:
             await self._app(scope, receive, send)
             return
         path = scope["path"]
-        # as the server decodes the whole; whoever is asked before or after the router sees the address as it was
+
+        async def sending(message: Message) -> None:
+            # whoever is asked before or after the router, the log among them, sees the address as it was
+            scope["path"] = path
+            await send(message)
+
         parts = raw.partition(b"?")[0].decode("latin-1").split("/")
         scope["path"] = "/".join(unquote(part).replace("/", _STAND_IN) for part in parts)
         try:
-            await self._app(scope, receive, send)
+            await self._app(scope, receive, sending)
         finally:
             scope["path"] = path
 

@@ -1,6 +1,6 @@
 """Aircraft: list, register, look up, change, and the trend of a position."""
 
-from typing import Annotated
+from typing import Annotated, cast
 
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
@@ -50,7 +50,10 @@ def create(body: registry.NewAircraft, response: Response, context: ContextOf, a
             details = body.model_dump(mode="json", exclude_unset=True)
             audit.note(session, asker, "aircraft.register", f"aircraft/{row.name}", row.operator, details)
             response.headers["Location"] = location("aircraft", row.name)
-            return {**registry.document(session, row), "looks_like": registry.look_alikes(session, row)}
+            made = cast("AircraftMade", registry.document(session, row))
+            if alike := registry.look_alikes(session, row):
+                made["looks_like"] = alike
+            return made
     except IntegrityError:
         raise Conflict(f"aircraft {body.aircraft} was registered at the same moment") from None
 

@@ -1,7 +1,7 @@
 """Pumps: list, one, verdicts, trends, damage identification curve."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
@@ -66,7 +66,9 @@ def create(body: registry.NewPump, response: Response, context: ContextOf, asker
             response.headers["Location"] = location("pumps", row.serial)
             alike = look_alikes(session, row)
             named: list[LookAlike] = [{"name": p.serial, "since": instant(p.created_at)} for p in alike]
-            made: answers.PumpMade = {**pump_documents(session, [row])[0], "looks_like": named}
+            made = cast("answers.PumpMade", pump_documents(session, [row])[0])
+            if named:
+                made["looks_like"] = named
             others = {p.id for p in alike}
     except IntegrityError:
         raise Conflict(f"pump {body.serial} was registered at the same moment") from None
