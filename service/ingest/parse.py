@@ -28,6 +28,7 @@ from service.ingest.file_formats import (
     FileFormat,
 )
 from service.ingest.inflate import inflated
+from service.ingest.looks import refuse_foreign
 from service.ingest.raw import Limits, RawFile, TextDialect
 
 _READERS: Mapping[FileFormat, ModuleType] = {
@@ -80,6 +81,7 @@ def parsed(
         if not content.strip():
             raise Undecodable("the gzip file is empty", [Fault("body", "is empty")])
     named = next((f for f in FORMATS if kind in f.content_types), None)
+    refuse_foreign(content, named)
     return _read(named or next(f for f in FORMATS if f.begins(content)), content, limits, dialect or TextDialect())
 
 
