@@ -33,7 +33,9 @@ def reduce_recording(
     windows = tuple(sorted((*off, *steady), key=lambda w: w.start_s))
     flags = [*recording.flags, *remarks(marks, windows)]
     if not zero.measured:
-        flags.append("no pump-off stretch: the case sensor's offset is unknown on this record")
+        off_without_case = any(w.accepted for w in off)
+        why = "no case pressure while the pump stood" if off_without_case else "no pump-off stretch"
+        flags.append(f"{why}: the case sensor's offset is unknown on this record")
     if "reservoir_pressure_bar" not in recording:
         flags.append("reservoir pressure not measured")
     accepted = [w for w in windows if w.accepted and w.kind is WindowKind.ZERO_FLOW]

@@ -28,7 +28,7 @@ def pump_off_zero(
 
     Gaps inside a stretch are bridged up to the stated share. The first settled stretch counts (before the run-up the
     line has rested longest); after a shutdown the pressure is given time to decay. Without one, the offset is unknown
-    with the sensor's prior spread. A stretch that lies within one of ``good`` [s] is taken as it stands.
+    with the sensor's prior spread; so it is where the case pressure was not recorded there. A stretch that lies within one of ``good`` [s] is taken as it stands.
     """
     unknown_zero = Zero(0.0, pump.population["case_zero_bar"].value, measured=False)
     speed = np.abs(recording["shaft_speed_rpm"])
@@ -97,7 +97,8 @@ def _pump_off_window(
     if not vouched and end_s - start_s + 0.5 * float(np.median(np.diff(time))) < shortest:
         return rejected(f"lasts {end_s - start_s:.0f} s; at least {shortest:.0f} s are needed")
     if "case_pressure_bar" not in means:
-        return rejected("case pressure has no sample here")
+        # the pump stands all the same; only what the case sensor reads then, nobody knows
+        return Window(WindowKind.PUMP_OFF, start_s, end_s, True, None, means, bridged=bridged), None
     measured = "reservoir_pressure_bar" in means
     difference = recording["case_pressure_bar"][inside].copy()
     if measured:
