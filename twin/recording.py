@@ -34,10 +34,13 @@ class Recording:
         NaN. The arrays are made read-only.
     attributes
         Anything else that is known about the recording (foreign metadata of a file, a scenario's name).
+    flags
+        What was mended before the recording could be made (repeated rows, a clock that jumped), a sentence each.
     """
 
     channels: Mapping[str, NDArray[np.float64]]
     attributes: Mapping[str, str | float] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if TIME not in self.channels:
@@ -65,4 +68,4 @@ class Recording:
     def between(self, start_s: float, end_s: float) -> "Recording":
         """Part of the recording with ``start_s <= time < end_s``."""
         first, last = np.searchsorted(self.time_s, (start_s, end_s))
-        return Recording({k: v[first:last] for k, v in self.channels.items()}, self.attributes)
+        return Recording({k: v[first:last] for k, v in self.channels.items()}, self.attributes, self.flags)

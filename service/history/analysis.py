@@ -1,11 +1,12 @@
 """What one record says by itself: reduced, compared with the twin, and the key of all that this depends on."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from detectors.words.flights import Outline
-from detectors.words.observation import Observation
+from detectors.words.observation import Mark, Observation
 from service.answers.records import Residual as ResidualAnswer
 from service.answers.records import StoredReduction
 from service.history import reduced
@@ -42,12 +43,19 @@ def keep_analysis(row: Record, analysis: RecordAnalysis) -> None:
     row.finished_at = None if row.started_at is None else row.started_at + timedelta(seconds=traits.last_s)
 
 
-def analysed(recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective) -> RecordAnalysis:
-    """Reduce a recording and compare its windows with the twin."""
+def analysed(
+    recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective, marks: Sequence[Mark] = ()
+) -> RecordAnalysis:
+    """Reduce a recording, as far as its marks let it count, and compare its windows with the twin."""
     pump = setting.pump_type(kind)
-    made = reduced.reduced(recording, pump, setting.circuit_parameters, thresholds.values)
-    key = analysis_key(kind, setting, thresholds)
+    made = reduced.reduced(recording, pump, setting.circuit_parameters, thresholds.values, marks)
+    key = marked_key(analysis_key(kind, setting, thresholds), marks)
     return RecordAnalysis(key, made.reduction, made.residuals, traits_of(recording, pump))
+
+
+def marked_key(key: str, marks: Sequence[Mark]) -> str:
+    """Key of a record with its marks: that of one without them where it has none."""
+    return key if not marks else hashlib.sha256(f"{key} {sorted(map(repr, marks))}".encode()).hexdigest()[:16]
 
 
 def analysis_key(kind: PumpType, setting: Setting, thresholds: Effective) -> str:

@@ -10,8 +10,8 @@ from sqlalchemy.orm import Session
 
 from detectors.judgement.version import twin_version
 from detectors.words.flights import Outline
-from detectors.words.observation import Maintenance, Observation
-from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
+from detectors.words.observation import Maintenance, Mark, Observation
+from service.history.analysis import RecordAnalysis, analysed, analysis_key, marked_key, observation_at
 from service.history.archive import Archive
 from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, names_alike, remarks_on
 from service.history.healthy_curves import healthy_curve
@@ -28,6 +28,7 @@ from service.storage.tables import (
     MaintenanceEvent,
     Pump,
     Record,
+    RecordMark,
     ReductionOutline,
     RegistryVersion,
 )
@@ -114,6 +115,7 @@ def knowledge(
     anew: dict[str, RecordAnalysis] = {}
     aircraft: dict[str, Mapping[str, Any]] = {}
     keys: dict[Setting, str] = {}
+    marks = marks_of(session, pump.id, known_at)
     older = [row.id for row in rows if row.reduction_digest is None]
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
     maintenance = _maintenance(session, pump.id, known_at)
@@ -133,11 +135,13 @@ def knowledge(
         if setting not in keys:
             keys[setting] = analysis_key(kind, setting, thresholds)
         outline = without_outline.get(row.id) or _stored_outline(row)
-        if reduce_anew or outline is None or row.reduced_with != keys[setting]:
+        marked = marks.get(row.id, ())
+        if reduce_anew or outline is None or row.reduced_with != marked_key(keys[setting], marked):
             if outline is not None and row.raw_removed_at is not None:
                 flags += ("raw bytes are no longer kept: analysed as they were before",)
             else:
-                analysis = analysed(archive.recording(session.get_one(Record, row.id), kind), kind, setting, thresholds)
+                recording = archive.recording(session.get_one(Record, row.id), kind)
+                analysis = analysed(recording, kind, setting, thresholds, marked)
                 anew[row.id], outline = analysis, ReductionOutline.of(analysis.reduction)
         if row.id in again:
             outline = ReductionOutline(f"{outline.digest} again", has_zero_flow=False, has_spectrum=False)
@@ -239,6 +243,14 @@ def _maintenance(session: Session, pump_id: int, known_at: datetime | None) -> t
     found = entries(session, MaintenanceEvent, pump_id, known_at)
     events = (Maintenance(e.at, e.action, e.fluid, e.channel) for e in found)
     return tuple(sorted(events, key=lambda m: (m.at, m.action, m.fluid or "", m.channel or "")))
+
+
+def marks_of(session: Session, pump_id: int, known_at: datetime | None = None) -> dict[str, tuple[Mark, ...]]:
+    """What engineers have marked on a pump's records, by record, in an order that does not depend on when."""
+    found: dict[str, list[Mark]] = {}
+    for row in entries(session, RecordMark, pump_id, known_at):
+        found.setdefault(row.record_id, []).append(Mark(row.start_s, row.end_s, good=row.mark == "good"))
+    return {record_id: tuple(sorted(marks, key=repr)) for record_id, marks in found.items()}
 
 
 def installation_intervals(session: Session, pump_id: int, known_at: datetime | None = None) -> list[Interval]:

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Undecodable
-from service.ingest.raw import MOST_FAULTS_OF_A_KIND, Limits, RawRecord, TextDialect, capped, check_size
+from service.ingest.raw import MOST_FAULTS_OF_A_KIND, Limits, RawFile, Table, TextDialect, capped, check_size
 
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _MISSING = frozenset({"", "nan", "NaN", "NAN", "null", "NULL", "NA"})
 
 
-def parsed(content: bytes, limits: Limits, dialect: TextDialect | None = None) -> RawRecord:
+def parsed(content: bytes, limits: Limits, dialect: TextDialect | None = None) -> RawFile:
     """Read a CSV record; every bad cell becomes a fault with its line and column.
 
     Raises
@@ -50,7 +50,7 @@ def parsed(content: bytes, limits: Limits, dialect: TextDialect | None = None) -
         fault = Fault(f"line {first + rows.line_num}", str(error))
         raise Undecodable("the CSV file is damaged", [fault]) from None
     channels = {name: table[:, i].copy() for i, name in enumerate(names) if name}
-    return RawRecord(metadata, channels, faults + cell_faults)
+    return RawFile(metadata, (Table(channels),), faults + cell_faults)
 
 
 def _text(content: bytes, encoding: str) -> str:

@@ -11,7 +11,9 @@ from service.errors import Fault, Invalid
 from service.ingest.mapping import ChannelMapping, mapped
 from service.ingest.metadata import EARLIEST, RecordMetadata, TypeLookup, built_in, checked_metadata
 from service.ingest.parse import parsed
-from service.ingest.raw import Limits, RawRecord
+from service.ingest.raw import Limits, RawFile, RawRecord
+from service.ingest.repair import repaired
+from service.ingest.time_base import on_one_base
 from service.ingest.validation import channel_faults
 from twin.pumps import PUMP_TYPES
 from twin.recording import Recording
@@ -83,7 +85,7 @@ def decode(
 
 
 def checked(
-    raw: RawRecord,
+    file: RawFile,
     overrides: Mapping[str, Any],
     registered_type: RegisteredType = _no_registry,
     mapping: ChannelMapping | None = None,
@@ -91,11 +93,11 @@ def checked(
     types: TypeLookup = built_in,
     full_scales: FullScales | None = no_sensors,
 ) -> DecodedRecord:
-    """A parsed record with its mapping applied and everything about it checked.
+    """A parsed file with its mapping applied, on one time base, and everything about it checked.
 
     Parameters
     ----------
-    raw, overrides, registered_type, mapping
+    file, overrides, registered_type, mapping
         As for ``decode``.
     now
         The record must not lie in the future of this instant; None takes the clock's.
@@ -110,8 +112,7 @@ def checked(
     Invalid
         with every fault found.
     """
-    if mapping is not None:
-        raw = mapped(raw, mapping)
+    raw = repaired(on_one_base(file if mapping is None else mapped(file, mapping)))
     named = {**raw.metadata, **overrides}
     owner = str(named["operator"]) if named.get("operator") else None
     earliest = None if full_scales is None else EARLIEST
@@ -129,7 +130,9 @@ def checked(
     if faults or metadata is None:
         raise Invalid(f"the record has {len(faults)} fault(s); nothing of it was stored", faults)
     foreign = {k: v for k, v in metadata.foreign.items() if isinstance(v, (str, int, float))}
-    return DecodedRecord(metadata, Recording(channels, foreign))
+    if raw.not_kept:
+        foreign["not_kept"] = ", ".join(f"{name} ({what})" for name, what in raw.not_kept.items())
+    return DecodedRecord(metadata, Recording(channels, foreign, tuple(raw.flags)))
 
 
 def _gauge(raw: RawRecord, metadata: RecordMetadata | None) -> dict[str, np.ndarray]:

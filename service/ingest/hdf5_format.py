@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
-from service.ingest.raw import Limits, RawRecord, check_size, plain
+from service.ingest.raw import Limits, RawFile, Table, check_size, plain
 
 
-def parsed(content: bytes, limits: Limits) -> RawRecord:
+def parsed(content: bytes, limits: Limits) -> RawFile:
     """Read an HDF5 record from the root or from its only group; shapes are looked at before anything is read.
 
     Raises
@@ -30,7 +30,7 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
         raise Undecodable("the body is not a readable HDF5 file", [Fault("body", str(error)[:200])]) from None
 
 
-def _read(file: Any, h5py: Any, limits: Limits) -> RawRecord:
+def _read(file: Any, h5py: Any, limits: Limits) -> RawFile:
     _check_links(file, h5py)
     group, attributes = file, dict(file.attrs)
     groups = [item for item in file.values() if isinstance(item, h5py.Group)]
@@ -54,7 +54,7 @@ def _read(file: Any, h5py: Any, limits: Limits) -> RawRecord:
             check_size(item.shape[0], n_channels, limits)
             channels[name] = np.array(item[:], dtype=np.float64)
     metadata = {name: plain(value) for name, value in attributes.items()}
-    return RawRecord(metadata, channels, faults)
+    return RawFile(metadata, (Table(channels),), faults)
 
 
 def _check_links(group: Any, h5py: Any) -> None:

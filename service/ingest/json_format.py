@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Undecodable
-from service.ingest.raw import METADATA, MOST_FAULTS_OF_A_KIND, Limits, RawRecord, capped, check_size
+from service.ingest.raw import METADATA, MOST_FAULTS_OF_A_KIND, Limits, RawFile, Table, capped, check_size
 
 _REPEATED = "\0repeated"
 """Key under which an object remembers the names that it was given twice; no name of a channel holds a NUL."""
 
 
-def parsed(content: bytes, limits: Limits) -> RawRecord:
+def parsed(content: bytes, limits: Limits) -> RawFile:
     """Read a JSON record; every bad sample becomes a fault with its channel and index.
 
     Raises
@@ -32,7 +32,7 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
     raw = document.get("channels")
     if not isinstance(raw, dict):
         what = "is missing" if raw is None else f"is a {type(raw).__name__}, not an object of arrays"
-        return RawRecord(metadata, {}, [Fault("channels", what)])
+        return RawFile(metadata, (Table({}),), [Fault("channels", what)])
     channels: dict[str, Any] = {}
     faults = [Fault(f"channels.{name}", "appears twice") for name in raw.pop(_REPEATED, [])]
     metadata_twice = metadata.pop(_REPEATED, [])
@@ -47,7 +47,7 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
         check_size(len(samples), len(raw), limits)
         channels[name], bad = _numbers(name, samples)
         faults += bad
-    return RawRecord(metadata, channels, faults)
+    return RawFile(metadata, (Table(channels),), faults)
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import codecs
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -11,7 +12,7 @@ from service.bodies import Body
 from service.errors import Fault
 from service.ingest.conversion import Conversion, conversion
 from service.ingest.metadata import KNOWN
-from service.ingest.raw import RawRecord, TextDialect
+from service.ingest.raw import RawFile, Table, TextDialect
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, TIME
 
 CHANNELS: tuple[str, ...] = (*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS)
@@ -108,33 +109,42 @@ class ChannelMapping(Body):
         return None if self.csv is None else TextDialect(self.csv.delimiter, self.csv.decimal, self.csv.encoding)
 
 
-def mapped(raw: RawRecord, mapping: ChannelMapping) -> RawRecord:
-    """The record with its channels and metadata under our names and in our units; foreign channels stay as they are."""
-    channels, references = dict(raw.channels), dict(raw.references)
-    faults = list(raw.faults)
+def mapped(file: RawFile, mapping: ChannelMapping) -> RawFile:
+    """The file with its channels and metadata under our names and in our units; foreign channels stay as they are."""
+    references, faults = dict(file.references), list(file.faults)
+    held = {name for table in file.tables for name in table.channels}
     sources = {rule.source for rule in mapping.channels}
+    rules = []
     for rule in mapping.channels:
-        if rule.source not in raw.channels:
-            if rule.channel in REQUIRED_CHANNELS and rule.channel not in raw.channels:
+        if rule.source not in held:
+            if rule.channel in REQUIRED_CHANNELS and rule.channel not in held:
                 text = f"is not in the file; the mapping takes {rule.channel} from it"
                 faults.append(Fault(f"channels.{rule.source}", text))
-            continue
-        if rule.channel in raw.channels and rule.channel not in sources:
+        elif rule.channel in held and rule.channel not in sources:
             text = f"is in the file, and the mapping takes it from {rule.source} as well"
             faults.append(Fault(f"channels.{rule.channel}", text))
-            continue
-        samples = np.asarray(raw.channels[rule.source]) * rule.scale + rule.offset
+        else:
+            rules.append(rule)
+            if rule.reference is not None:
+                references[rule.channel] = rule.reference
+    tables = tuple(_renamed(table, rules) for table in file.tables)
+    return RawFile(_metadata(file, mapping), tables, faults, file.not_kept, file.flags, references)
+
+
+def _renamed(table: Table, rules: Sequence[ChannelRule]) -> Table:
+    """One table with its channels under our names and in our units."""
+    own = [rule for rule in rules if rule.source in table.channels]
+    sources = {rule.source for rule in own}
+    channels = {name: samples for name, samples in table.channels.items() if name not in sources}
+    for rule in own:
+        samples = np.asarray(table.channels[rule.source]) * rule.scale + rule.offset
         channels[rule.channel] = rule.conversion.applied(samples)
-        if rule.reference is not None:
-            references[rule.channel] = rule.reference
-        if rule.source != rule.channel and rule.source not in {r.channel for r in mapping.channels}:
-            channels.pop(rule.source, None)
-    if TIME in channels and any(rule.channel == TIME for rule in mapping.channels):
-        channels[TIME] = _from_start(channels[TIME])
-    return RawRecord(_metadata(raw, mapping), channels, faults, references)
+        if rule.channel == TIME:
+            channels[TIME] = _from_start(channels[TIME])
+    return replace(table, channels=channels)
 
 
-def _metadata(raw: RawRecord, mapping: ChannelMapping) -> dict[str, Any]:
+def _metadata(raw: RawFile, mapping: ChannelMapping) -> dict[str, Any]:
     renamed = {mapping.metadata.get(name, name): value for name, value in raw.metadata.items()}
     return {**mapping.defaults, **renamed}
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
 from service.ingest.file_formats import MATLAB
-from service.ingest.raw import Limits, RawRecord, check_size, plain
+from service.ingest.raw import Limits, RawFile, Table, check_size, plain
 
 _MAGIC_OF_HDF5 = b"MATLAB 7.3 MAT-file"
 _HEADER_BYTES = 128
@@ -17,7 +17,7 @@ _COMPRESSED = 15
 _CHUNK = 1 << 20
 
 
-def parsed(content: bytes, limits: Limits) -> RawRecord:
+def parsed(content: bytes, limits: Limits) -> RawFile:
     """Read a MATLAB v5 record; what its compressed variables inflate to is counted before they are decoded.
 
     Raises
@@ -63,7 +63,7 @@ def _check_inflation(content: bytes, limits: Limits) -> None:
         place = end
 
 
-def _sorted(variables: dict[str, Any], limits: Limits) -> RawRecord:
+def _sorted(variables: dict[str, Any], limits: Limits) -> RawFile:
     """Variables told apart into channels and metadata."""
     structs = [v for v in variables.values() if getattr(v, "dtype", None) is not None and v.dtype.names]
     if len(structs) == 1 and structs[0].size == 1:
@@ -84,4 +84,4 @@ def _sorted(variables: dict[str, Any], limits: Limits) -> RawRecord:
         else:
             channels[name] = array.reshape(-1)
     check_size(max((len(c) for c in channels.values()), default=0), len(channels), limits)
-    return RawRecord(metadata, {n: np.array(c, dtype=np.float64) for n, c in channels.items()}, faults)
+    return RawFile(metadata, (Table({n: np.array(c, dtype=np.float64) for n, c in channels.items()}),), faults)

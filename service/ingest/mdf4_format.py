@@ -7,11 +7,11 @@ import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
 from service.ingest.file_formats import MDF4
-from service.ingest.raw import Limits, RawRecord, check_size
+from service.ingest.raw import Limits, RawFile, Table, check_size
 from twin.recording import TIME
 
 
-def parsed(content: bytes, limits: Limits) -> RawRecord:
+def parsed(content: bytes, limits: Limits) -> RawFile:
     """Read an MDF4 record; the cycle count is read from the channel group before anything is decoded.
 
     The master channel stands in for ``time_s`` where the group has no channel of that name.
@@ -33,7 +33,7 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
         return _read(file, limits)
 
 
-def _read(file: Any, limits: Limits) -> RawRecord:
+def _read(file: Any, limits: Limits) -> RawFile:
     filled = [i for i, group in enumerate(file.groups) if group.channel_group.cycles_nr and len(group.channels) > 1]
     if len(filled) != 1:
         fault = Fault("body", f"holds {len(filled)} channel groups with samples")
@@ -61,7 +61,9 @@ def _read(file: Any, limits: Limits) -> RawRecord:
         channels[TIME] = np.array(time, dtype=np.float64)
     header = file.header
     metadata = {"mdf_start_time": header.start_time.isoformat(), **dict(header._common_properties)}
-    return RawRecord({str(k): v for k, v in metadata.items() if isinstance(v, (str, int, float))}, channels, faults)
+    return RawFile(
+        {str(k): v for k, v in metadata.items() if isinstance(v, (str, int, float))}, (Table(channels),), faults
+    )
 
 
 def _with_gaps(samples: Any, invalid: Any) -> Any:

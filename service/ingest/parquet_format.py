@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
-from service.ingest.raw import Limits, RawRecord, check_size
+from service.ingest.raw import Limits, RawFile, Table, check_size
 
 
-def parsed(content: bytes, limits: Limits) -> RawRecord:
+def parsed(content: bytes, limits: Limits) -> RawFile:
     """Read a Parquet record; the row count is read from the footer before anything is decoded.
 
     Raises
@@ -45,4 +45,4 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
             channels[name] = np.array(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
         else:
             faults.append(Fault(f"column {name}", f"holds {column.type}, not numbers"))
-    return RawRecord(metadata, channels, faults)
+    return RawFile(metadata, (Table(channels),), faults)

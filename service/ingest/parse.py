@@ -29,7 +29,7 @@ from service.ingest.file_formats import (
 )
 from service.ingest.inflate import inflated
 from service.ingest.looks import refuse_foreign
-from service.ingest.raw import Limits, RawRecord, TextDialect
+from service.ingest.raw import Limits, RawFile, TextDialect
 
 _READERS: Mapping[FileFormat, ModuleType] = {
     PARQUET: parquet_format,
@@ -61,7 +61,7 @@ def check_type(content_type: str, content_encoding: str) -> None:
 
 def parsed(
     content: bytes, content_type: str, content_encoding: str, limits: Limits, dialect: TextDialect | None = None
-) -> RawRecord:
+) -> RawFile:
     """Columns and metadata of a file.
 
     Raises
@@ -89,9 +89,9 @@ def _names(content_type: str, content_encoding: str) -> tuple[str, str]:
     return content_type.partition(";")[0].strip().lower(), content_encoding.strip().lower()
 
 
-def _read(file_format: FileFormat, content: bytes, limits: Limits, dialect: TextDialect) -> RawRecord:
+def _read(file_format: FileFormat, content: bytes, limits: Limits, dialect: TextDialect) -> RawFile:
     try:
-        raw: RawRecord = (
+        raw: RawFile = (
             csv_format.parsed(content, limits, dialect)
             if file_format is CSV
             else _READERS[file_format].parsed(content, limits)

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from service import errors
 from service.errors import Fault, Problem, TooLarge, Undecodable
-from service.ingest.raw import Limits, RawRecord, TextDialect
+from service.ingest.raw import Limits, RawFile, Samples, Table, TextDialect
 
 _PACKAGE_ROOT = str(Path(__file__).resolve().parent.parent.parent)
 _QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
@@ -56,7 +57,7 @@ class ParserPool:
 
     def parsed(
         self, path: Path, content_type: str, content_encoding: str, limits: Limits, dialect: TextDialect | None = None
-    ) -> RawRecord:
+    ) -> RawFile:
         """Columns and metadata of a file, as ``service.ingest.parse.parsed`` gives them.
 
         Raises
@@ -204,10 +205,24 @@ class _Worker:
         raise _TookTooLongError if late.is_set() else _DiedError(code)
 
 
-def _taken_over(answer: dict[str, Any], output: Path) -> RawRecord:
-    channels = {}
-    with output.open("rb") as file:
-        for name, length in answer["channels"]:
-            channels[name] = np.fromfile(file, dtype=np.float64, count=length)
+def _taken_over(answer: dict[str, Any], output: Path) -> RawFile:
+    with output.open("rb") as numbers:
+
+        def taken(columns: list[Any]) -> dict[str, Samples]:
+            return {name: np.fromfile(numbers, dtype=np.float64, count=length) for name, length in columns}
+
+        tables = tuple(
+            Table(
+                channels=taken(table["channels"]),
+                time=None if table["time"] is None else taken([table["time"]])[""],
+                times=taken(table["times"]),
+                texts=table["texts"],
+                name=table["name"],
+                start=None if table["start"] is None else datetime.fromisoformat(table["start"]),
+                units=table["units"],
+                attributes=table["attributes"],
+            )
+            for table in answer["tables"]
+        )
     faults = [Fault(where, problem) for where, problem in answer["faults"]]
-    return RawRecord(answer["metadata"], channels, faults)
+    return RawFile(answer["metadata"], tables, faults, answer["not_kept"], answer["flags"])

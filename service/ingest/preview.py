@@ -8,24 +8,26 @@ from service.errors import Invalid
 from service.ingest.decode import checked
 from service.ingest.mapping import CHANNELS, ChannelMapping, mapped
 from service.ingest.metadata import KNOWN
-from service.ingest.raw import RawRecord
+from service.ingest.raw import RawFile, RawRecord
+from service.ingest.time_base import on_one_base
 from twin.recording import REQUIRED_CHANNELS
 
 
-def preview(raw: RawRecord, mapping: ChannelMapping | None, n_rows: int) -> MappingPreview:
+def preview(file: RawFile, mapping: ChannelMapping | None, n_rows: int) -> MappingPreview:
     """Preview of a parsed file.
 
     Parameters
     ----------
-    raw
+    file
         The file as its adapter read it.
     mapping
         Mapping to try; None takes the names as they are.
     n_rows
         Number of first rows to show.
     """
-    record = raw if mapping is None else mapped(raw, mapping)
-    rules = {rule.channel: rule for rule in (mapping.channels if mapping else ()) if rule.source in raw.channels}
+    held = [name for table in file.tables for name in (*table.channels, *table.texts)]
+    record = on_one_base(file if mapping is None else mapped(file, mapping))
+    rules = {rule.channel: rule for rule in (mapping.channels if mapping else ()) if rule.source in held}
     recognised: list[RecognisedChannel] = [
         {
             "source": rules[name].source if name in rules else name,
@@ -38,14 +40,14 @@ def preview(raw: RawRecord, mapping: ChannelMapping | None, n_rows: int) -> Mapp
     ]
     used = {entry["source"] for entry in recognised}
     try:
-        checked(raw, {}, mapping=mapping)
+        checked(file, {}, mapping=mapping)
         faults: list[ProblemError] = []
     except Invalid as problem:
         faults = [{"where": f.where, "problem": f.problem} for f in problem.errors]
     length = min(n_rows, max((len(samples) for samples in record.channels.values()), default=0))
     return {
         "recognised": recognised,
-        "unrecognised": [name for name in raw.channels if name not in used],
+        "unrecognised": [name for name in held if name not in used],
         "missing": [name for name in REQUIRED_CHANNELS if name not in record.channels],
         "metadata": {name: value for name, value in record.metadata.items() if name in KNOWN},
         "unrecognised_metadata": {name: value for name, value in record.metadata.items() if name not in KNOWN},

@@ -1,13 +1,20 @@
-"""What an adapter hands over before anything is checked: columns of numbers and texts, metadata of any kind."""
+"""What a reader hands over before anything is checked: tables of numbers and texts on clocks of their own, metadata.
+
+A file goes through four hands: its reader makes a ``RawFile``; the mapping renames and converts inside each table;
+``time_base`` brings all tables to one base, a ``RawRecord``; ``decode`` repairs and checks that.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.errors import Fault, TooLarge
+
+Samples = NDArray[np.float64]
 
 METADATA = (
     "pump_serial",
@@ -45,8 +52,71 @@ class TextDialect:
 
 
 @dataclass(frozen=True, slots=True)
-class RawRecord:
+class Table:
+    """One table or group of a file: columns of equal or unequal length on one clock.
+
+    Attributes
+    ----------
+    channels
+        Name to samples as numbers, shape (n,) each; missing samples are NaN.
+    texts
+        Name to what no number says (words, instants as RFC 3339, enumerations by name), n entries, None where missing.
+    name
+        As the file calls the table; empty where it does not.
+    time
+        The format's own clock (a master channel, a waveform's increment) [s], shape (n,); None where the time can only
+        be one of the columns.
+    start
+        Instant of ``time`` 0 where the format states one; without a zone where it states none.
+    times
+        Clocks of single columns that differ from the table's [s from ``start``], by name of the column.
+    units
+        Units that the file itself gives to columns.
+    attributes
+        Metadata of the table beside those of the file.
+    """
+
+    channels: dict[str, Samples]
+    texts: dict[str, list[str | None]] = field(default_factory=dict)
+    name: str = ""
+    time: Samples | None = None
+    start: datetime | None = None
+    times: dict[str, Samples] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    attributes: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class RawFile:
     """Decoded content of a file.
+
+    Attributes
+    ----------
+    metadata
+        Keys and values as the file gives them.
+    tables
+        One or more.
+    faults
+        What was wrong already in single cells, with the place of each.
+    not_kept
+        Columns that the record cannot hold, by name, with what they are.
+    flags
+        What was mended while reading.
+    references
+        ``gauge`` or ``absolute`` for those pressure channels whose reference is not the record's; a mapping says so.
+    """
+
+    metadata: dict[str, Any]
+    tables: tuple[Table, ...] = ()
+    faults: list[Fault] = field(default_factory=list)
+    not_kept: dict[str, str] = field(default_factory=dict)
+    flags: list[str] = field(default_factory=list)
+    references: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class RawRecord:
+    """A file on one time base, not checked yet.
 
     Attributes
     ----------
@@ -58,12 +128,16 @@ class RawRecord:
         What was wrong already in single cells, with the place of each.
     references
         ``gauge`` or ``absolute`` for those pressure channels whose reference is not the record's.
+    not_kept, flags
+        As in ``RawFile``.
     """
 
     metadata: dict[str, Any]
-    channels: dict[str, NDArray[np.float64]]
+    channels: dict[str, Samples]
     faults: list[Fault] = field(default_factory=list)
     references: Mapping[str, str] = field(default_factory=dict)
+    not_kept: dict[str, str] = field(default_factory=dict)
+    flags: list[str] = field(default_factory=list)
 
 
 def capped(faults: list[Fault], more: int, what: str, where: str) -> list[Fault]:

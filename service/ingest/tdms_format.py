@@ -7,11 +7,11 @@ import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
 from service.ingest.file_formats import TDMS
-from service.ingest.raw import Limits, RawRecord, check_size, plain
+from service.ingest.raw import Limits, RawFile, Table, check_size, plain
 from twin.recording import TIME
 
 
-def parsed(content: bytes, limits: Limits) -> RawRecord:
+def parsed(content: bytes, limits: Limits) -> RawFile:
     """Read a TDMS record; lengths are read from the metadata before anything is decoded.
 
     A waveform's start and increment stand in for ``time_s`` where the group has no channel of that name.
@@ -36,7 +36,7 @@ def parsed(content: bytes, limits: Limits) -> RawRecord:
         return _read(file, groups[0], limits)
 
 
-def _read(file: Any, group: Any, limits: Limits) -> RawRecord:
+def _read(file: Any, group: Any, limits: Limits) -> RawFile:
     members = group.channels()
     check_size(max(len(channel) for channel in members), len(members), limits)
     channels: dict[str, Any] = {}
@@ -51,4 +51,4 @@ def _read(file: Any, group: Any, limits: Limits) -> RawRecord:
             channels[TIME] = np.array(channel.time_track(), dtype=np.float64)
         if "wf_start_time" in channel.properties:
             metadata.setdefault("wf_start_time", channel.properties["wf_start_time"])
-    return RawRecord({name: plain(value) for name, value in metadata.items()}, channels, faults)
+    return RawFile({name: plain(value) for name, value in metadata.items()}, (Table(channels),), faults)

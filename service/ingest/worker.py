@@ -8,6 +8,7 @@ import json
 import os
 import resource
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from service.errors import Fault, Problem, TooLarge
 from service.ingest.parse import parsed
-from service.ingest.raw import Limits, RawRecord, TextDialect
+from service.ingest.raw import Limits, RawFile, TextDialect
 
 _SCALARS = (str, int, float, bool, type(None))
 
@@ -51,15 +52,38 @@ def _limit_memory(allowed: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (mapped + allowed, hard))
 
 
-def _handed_over(raw: RawRecord, output: Path) -> dict[str, Any]:
-    with output.open("wb") as file:
-        for samples in raw.channels.values():
-            np.ascontiguousarray(samples, dtype=np.float64).tofile(file)
+def _handed_over(file: RawFile, output: Path) -> dict[str, Any]:
+    with output.open("wb") as numbers:
+
+        def kept(columns: Mapping[str, Any]) -> list[list[Any]]:
+            for samples in columns.values():
+                np.ascontiguousarray(samples, dtype=np.float64).tofile(numbers)
+            return [[str(name), len(samples)] for name, samples in columns.items()]
+
+        tables = [
+            {
+                "channels": kept(table.channels),
+                "time": None if table.time is None else kept({"": table.time})[0],
+                "times": kept(table.times),
+                "texts": table.texts,
+                "name": table.name,
+                "start": None if table.start is None else table.start.isoformat(),
+                "units": table.units,
+                "attributes": _scalars(table.attributes),
+            }
+            for table in file.tables
+        ]
     return {
-        "metadata": {str(k): v if isinstance(v, _SCALARS) else repr(v)[:200] for k, v in raw.metadata.items()},
-        "channels": [[str(name), len(samples)] for name, samples in raw.channels.items()],
-        "faults": _faults(raw.faults),
+        "metadata": _scalars(file.metadata),
+        "tables": tables,
+        "faults": _faults(file.faults),
+        "not_kept": file.not_kept,
+        "flags": file.flags,
     }
+
+
+def _scalars(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    return {str(k): v if isinstance(v, _SCALARS) else repr(v)[:200] for k, v in metadata.items()}
 
 
 def _faults(faults: Any) -> list[list[str]]:

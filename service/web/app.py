@@ -47,6 +47,7 @@ from service.web.routes import (
     jobs,
     keys,
     mappings,
+    marks,
     operations,
     operators,
     pump_types,
@@ -111,6 +112,7 @@ def create_app(settings: Settings) -> FastAPI:
     for part in (
         bulk,
         records,
+        marks,
         spectrum,
         mappings,
         jobs,

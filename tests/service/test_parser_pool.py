@@ -14,7 +14,7 @@ import pytest
 
 from service.errors import TooLarge, Undecodable
 from service.ingest.parser_pool import ParserLimits, ParserPool
-from service.ingest.raw import Limits, RawRecord
+from service.ingest.raw import Limits, RawFile
 from service.storage.spool import Spool
 from tests.service.records import body, document
 
@@ -38,7 +38,7 @@ def record(tmp_path: Path) -> Path:
 def test_channels_arrive_exactly(pool: ParserPool, record: Path, tmp_path: Path) -> None:
     raw = pool.parsed(record, "application/json", "", LIMITS)
     for name, samples in document()["channels"].items():
-        assert np.array_equal(raw.channels[name], samples)
+        assert np.array_equal(raw.tables[0].channels[name], samples)
     assert raw.metadata["pump_serial"] == "P-1"
     assert list((tmp_path / "spool").iterdir()) == []
 
@@ -52,7 +52,7 @@ def test_time_is_limited_and_the_pool_goes_on(record: Path, tmp_path: Path) -> N
         file.writelines(f"{i},0.9\n" for i in range(2_000_000))
     with pytest.raises(TooLarge, match="takes longer than"):
         pool.parsed(slow, "text/csv", "", LIMITS)
-    assert pool.parsed(record, "application/json", "", LIMITS).channels
+    assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
     pool.close()
 
 
@@ -62,7 +62,7 @@ def test_memory_is_limited_and_the_pool_goes_on(record: Path, tmp_path: Path) ->
     fat.write_text(json.dumps({"channels": {"time_s": list(range(3_000_000))}}))
     with pytest.raises(TooLarge, match="memory"):
         pool.parsed(fat, "application/json", "", LIMITS)
-    assert pool.parsed(record, "application/json", "", LIMITS).channels
+    assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
     pool.close()
 
 
@@ -72,7 +72,7 @@ def test_a_worker_that_dies_is_replaced(pool: ParserPool, record: Path) -> None:
     assert worker is not None
     os.kill(worker._process.pid, signal.SIGKILL)
     worker._process.wait()
-    assert pool.parsed(record, "application/json", "", LIMITS).channels
+    assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
 
 
 def test_a_crash_on_a_file_is_its_fault_alone(pool: ParserPool, record: Path) -> None:
@@ -87,7 +87,7 @@ def test_a_crash_on_a_file_is_its_fault_alone(pool: ParserPool, record: Path) ->
     threading.Timer(0.4, lambda: os.kill(worker._process.pid, signal.SIGCONT)).start()
     with pytest.raises(Undecodable, match="crashed"):
         pool.parsed(record, "application/json", "", LIMITS)
-    assert pool.parsed(record, "application/json", "", LIMITS).channels
+    assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
 
 
 def test_problems_pass_through_with_every_fault(pool: ParserPool, tmp_path: Path) -> None:
@@ -109,7 +109,7 @@ def test_a_slow_file_keeps_no_neighbour_waiting(record: Path, tmp_path: Path) ->
         # both processes are up before it matters
         list(threads.map(lambda _: pool.parsed(record, "application/json", "", LIMITS), range(2)))
         late = threads.submit(pool.parsed, slow, "text/csv", "", LIMITS)
-        assert pool.parsed(record, "application/json", "", LIMITS).channels
+        assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
         assert not late.done()
         with pytest.raises(TooLarge, match="takes longer than 3 s"):
             late.result()
@@ -127,7 +127,7 @@ def test_the_server_does_not_grow_with_the_file(pool: ParserPool, tmp_path: Path
             yield b" " * 2**20
         yield end
 
-    async def taken() -> RawRecord:
+    async def taken() -> RawFile:
         async with spool.received(sent(), "", 2**27) as file:
             return pool.parsed(file.path, "application/json", "", LIMITS)
 
@@ -137,5 +137,5 @@ def test_the_server_does_not_grow_with_the_file(pool: ParserPool, tmp_path: Path
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert len(raw.channels["time_s"]) == 160
+    assert len(raw.tables[0].channels["time_s"]) == 160
     assert peak < 8 * 2**20
