@@ -31,6 +31,9 @@ METADATA = (
 )
 """Metadata that mean something; any other is kept with the record."""
 MOST_FAULTS_OF_A_KIND = 5
+MOST_COLUMNS = 10_000
+"""A recorder has hundreds; what holds more costs time by its names alone."""
+MOST_METADATA = 1_000
 _BYTES_PER_SAMPLE = 8
 
 
@@ -44,11 +47,49 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class TextDialect:
-    """How a text file writes its table; the defaults are those of the documented CSV."""
+    """How a text file writes its table; the defaults are those of the documented CSV.
+
+    Attributes
+    ----------
+    delimiter
+        Between fields; a blank stands for runs of blanks and tabs.
+    decimal, thousands
+        Marks inside numbers; no thousands mark where empty.
+    encoding
+        A text encoding of Python.
+    header_row
+        Number of the line with the names, counted from 1; None: the first that is neither blank nor a comment.
+    header_rows
+        Lines that the names take up; those of one column are joined with a blank.
+    no_header
+        Whether the table begins at once.
+    names
+        Names in place of the header's.
+    units_row
+        Number of a line whose cells are units.
+    skip_rows
+        Numbers of lines that are left out.
+    comment
+        What a line begins with that is left out; before the names it may hold ``key: value``.
+    footer_rows
+        Lines at the end that are left out.
+    missing
+        Words that stand for missing samples, beside the usual ones.
+    """
 
     delimiter: str = ","
     decimal: str = "."
     encoding: str = "utf-8"
+    thousands: str = ""
+    header_row: int | None = None
+    header_rows: int = 1
+    no_header: bool = False
+    names: tuple[str, ...] = ()
+    units_row: int | None = None
+    skip_rows: tuple[int, ...] = ()
+    comment: str = "#"
+    footer_rows: int = 0
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +198,8 @@ def check_size(n_rows: int, n_channels: int, limits: Limits) -> None:
     """
     if n_rows > limits.rows:
         raise TooLarge(f"the file has {n_rows} rows, more than {limits.rows}: split the record into segments")
+    if n_channels > MOST_COLUMNS:
+        raise TooLarge(f"the file has {n_channels} columns, more than {MOST_COLUMNS}: leave out channels")
     if n_rows * n_channels * _BYTES_PER_SAMPLE > limits.inflated_bytes:
         raise TooLarge(
             f"{n_rows} rows of {n_channels} channels inflate to more than {limits.inflated_bytes} bytes: "
