@@ -13,8 +13,10 @@ from service.ingest.raw import MOST_METADATA, TextDialect
 
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+\s*")
+_EMPTY_LINES = re.compile(rb"[\r\n]+")
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 _EXCEL_MARK = re.compile(r'"?sep=.\s*"?')
+_MOST_BEFORE_THE_HEADER = 10_000
 _MOST_OF_A_LINE = 100_000
 _LOOKED_AT = 20
 """Rows that are looked at for decimal commas."""
@@ -115,8 +117,14 @@ class _Line:
 
 
 def _lines(content: bytes, place: int = 0, number: int = 1, delimiter: str = "") -> Iterator[_Line]:
-    """Lines from a place on; with a delimiter, a row whose quoted cell goes on is one."""
-    while place < len(content):
+    """Lines from a place on that are not empty; with a delimiter, a row whose quoted cell goes on is one."""
+    while True:
+        if empty := _EMPTY_LINES.match(content, place):
+            number += content.count(b"\n", place, empty.end()) + content.count(b"\r", place, empty.end())
+            number -= content.count(b"\r\n", place, empty.end())
+            place = empty.end()
+        if place >= len(content):
+            return
         start, height, text = place, 0, ""
         while place < len(content):
             found = _LINE_END.search(content, place)
@@ -145,7 +153,9 @@ def _preamble(content: bytes, dialect: TextDialect) -> tuple[dict[str, Any], _Li
     """Metadata before the header, its line (or the first row's, where there is none), and comments by line number."""
     metadata: dict[str, Any] = {}
     comments: dict[int, str] = {}
-    for line in _lines(content):
+    for n, line in enumerate(_lines(content)):
+        if n == _MOST_BEFORE_THE_HEADER:
+            raise TooLarge(f"the file begins with more than {n} lines that are no table")
         is_comment = bool(dialect.comment) and line.text.startswith(dialect.comment)
         text = line.text.removeprefix(dialect.comment) if is_comment else line.text
         if dialect.header_row is not None and line.number >= dialect.header_row:

@@ -5,6 +5,8 @@ import zlib
 from service.errors import Fault, TooLarge, Undecodable
 
 _CHUNK = 1 << 20
+_FED = 1 << 14
+"""Bytes that go in at a time: what is left over behind each member is copied."""
 _MOST_MEMBERS = 10_000
 """Members of one stream; each costs a decompressor of its own, however empty."""
 
@@ -30,7 +32,7 @@ def inflated(content: bytes, limit: int) -> tuple[bytes, bool]:
         while not stream.eof:
             if is_fed and not stream.unconsumed_tail and place >= len(content):
                 return b"".join(parts), _is_cut(total)
-            data = stream.unconsumed_tail or content[place : place + _CHUNK]
+            data = stream.unconsumed_tail or content[place : place + _FED]
             if not stream.unconsumed_tail:
                 place += len(data)
             is_fed = True
