@@ -31,6 +31,9 @@ METADATA = (
 )
 """Metadata that mean something; any other is kept with the record."""
 MOST_FAULTS_OF_A_KIND = 5
+MOST_COLUMNS = 10_000
+"""A recorder has hundreds; what holds more costs time by its names alone."""
+MOST_METADATA = 1_000
 _BYTES_PER_SAMPLE = 8
 
 
@@ -49,29 +52,29 @@ class TextDialect:
     Attributes
     ----------
     delimiter
-        Between fields; a blank means runs of blanks.
+        Between fields; a blank stands for runs of blanks and tabs.
     decimal, thousands
-        Decimal sign, and what stands between groups of three digits (empty: nothing does).
+        Marks inside numbers; no thousands mark where empty.
     encoding
-        Text encoding.
+        A text encoding of Python.
     header_row
-        Line number of the header, from 1; None: the first line that is neither blank nor a comment.
+        Number of the line with the names, counted from 1; None: the first that is neither blank nor a comment.
     header_rows
-        Lines that the header takes, joined with a blank column by column.
+        Lines that the names take up; those of one column are joined with a blank.
     no_header
-        There is none: columns are called ``names``, or by their number from ``1``.
+        Whether the table begins at once.
     names
-        Names of the columns instead of the header's.
+        Names in place of the header's.
     units_row
-        Line number whose cells are the units of the columns, from 1.
+        Number of a line whose cells are units.
     skip_rows
-        Line numbers that say nothing.
+        Numbers of lines that are left out.
     comment
-        What a line of comment begins with; empty: nothing does.
+        What a line begins with that is left out; before the names it may hold ``key: value``.
     footer_rows
-        Lines at the end that are no rows.
+        Lines at the end that are left out.
     missing
-        Words for a missing sample beside the usual ones.
+        Words that stand for missing samples, beside the usual ones.
     """
 
     delimiter: str = ","
@@ -195,6 +198,8 @@ def check_size(n_rows: int, n_channels: int, limits: Limits) -> None:
     """
     if n_rows > limits.rows:
         raise TooLarge(f"the file has {n_rows} rows, more than {limits.rows}: split the record into segments")
+    if n_channels > MOST_COLUMNS:
+        raise TooLarge(f"the file has {n_channels} columns, more than {MOST_COLUMNS}: leave out channels")
     if n_rows * n_channels * _BYTES_PER_SAMPLE > limits.inflated_bytes:
         raise TooLarge(
             f"{n_rows} rows of {n_channels} channels inflate to more than {limits.inflated_bytes} bytes: "
