@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from detectors.reduction.behaviour import behaviours
+from detectors.reduction.conditioning import conditioned
 from detectors.reduction.load_steps import droop_from_rest
 from detectors.reduction.spectrum import spectrum
 from detectors.reduction.windows import LOWEST_SPEED_FRACTION, steady_windows, unchanging_channels
@@ -19,6 +20,7 @@ from twin.recording import Recording
 
 def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[str, float]) -> Reduction:
     """Zero, windows, spectrum and droop of one recording; says in a sentence why it adds nothing when no window was accepted."""
+    recording = conditioned(recording, pump)
     zero, off = pump_off_zero(recording, pump, thresholds)
     windows = tuple(sorted((*off, *steady_windows(recording, pump, thresholds)), key=lambda w: w.start_s))
     flags = [*recording.flags]

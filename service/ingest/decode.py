@@ -13,6 +13,7 @@ from service.ingest.mapping import ChannelMapping
 from service.ingest.metadata import RecordMetadata, TypeLookup, built_in, checked_metadata
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawFile, RawRecord
+from service.ingest.repair import repaired
 from service.ingest.validation import channel_faults
 from twin.pumps import PUMP_TYPES
 from twin.recording import Recording
@@ -100,7 +101,7 @@ def checked(
     Invalid
         with every fault found.
     """
-    raw = mapped_record(file, mapping)
+    raw = repaired(mapped_record(file, mapping))
     named = {**raw.metadata, **overrides}
     owner = str(named["operator"]) if named.get("operator") else None
     metadata, faults = checked_metadata(named, now, lambda name: types(owner, name) is not None)
@@ -112,7 +113,9 @@ def checked(
         faults.append(Fault("ambient_pressure_bar", "is needed: the mapping says that a pressure is absolute"))
     channels = _gauge(raw, metadata)
     with np.errstate(all="ignore"):  # damaged files hold numbers that overflow any sum; they are faults, not warnings
-        faults += raw.faults + channel_faults(RawRecord(raw.metadata, channels), pump)
+        found = channel_faults(RawRecord(raw.metadata, channels), pump)
+    explained = {fault.where for fault in raw.faults}
+    faults += raw.faults + [f for f in found if f.problem != "is missing" or f.where not in explained]
     if faults or metadata is None:
         raise Invalid(f"the record has {len(faults)} fault(s); nothing of it was stored", faults)
     foreign = {k: v for k, v in metadata.foreign.items() if isinstance(v, (str, int, float))}

@@ -46,7 +46,12 @@ def channel_faults(raw: RawRecord, pump: PumpType) -> list[Fault]:
             if k != usual
         ]
     if TIME in raw.channels:
-        faults += _time_faults(raw.channels[TIME])
+        time = raw.channels[TIME]
+        found = _time_faults(time)
+        pressure = raw.channels.get("discharge_pressure_bar")
+        if not found and pressure is not None and len(pressure) == len(time):
+            found = _sampling_faults(time, pressure)
+        faults += found
     for name in known:
         samples = raw.channels[name]
         if name == TIME or len(samples) == 0:
@@ -78,11 +83,12 @@ def _time_faults(time: Samples) -> list[Fault]:
             f"its largest gap is {(time[gap + 1] - time[gap]) / 3600.0:.4g} h after sample {gap}"
         )
         faults.append(Fault(f"channels.{TIME}", text))
-    return faults or _sampling_faults(time)
+    return faults
 
 
-def _sampling_faults(time: Samples) -> list[Fault]:
-    """A sampling rate that changes for good; single gaps and jitter leave the medians of long stretches alone."""
+def _sampling_faults(time: Samples, pressure: Samples) -> list[Fault]:
+    """A sampling rate of the pressure that changes for good; single gaps, jitter and other channels' rates do not."""
+    time = time[np.isfinite(pressure)]
     if len(time) < _STRETCHES * _SHORTEST_STRETCH:
         return []
     steps = np.diff(time)
