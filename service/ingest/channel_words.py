@@ -93,8 +93,13 @@ def words_of(name: str) -> frozenset[str]:
     parts = set(re.split(r"[^a-z0-9]+", plain(text))) - {""}
     for part in tuple(parts):
         parts |= {bare for bare in (re.sub(r"\d+$", "", part), re.sub(r"^\d+", "", part)) if bare}
+        if part[0] in "pntq" and part[1:].rstrip("0123456789") in _KNOWN:  # PHYD1, NPUMP
+            parts |= {part[0], part[1:].rstrip("0123456789")}
         parts |= {word for piece, word in _COMPOUNDS.items() if piece in part and len(part) > len(piece)}
     return frozenset(parts)
+
+
+_KNOWN = _CASE | _RESERVOIR | _DISCHARGE | _FLUID | _set("hyd rotor shaft pump") - _set("p t n q")
 
 
 def unit_in(name: str) -> str | None:

@@ -104,7 +104,8 @@ def _instants(table: Table, told: list[str]) -> TimeFound | None:
         elif clocks and dates:
             rule = {"date": dates[0], "time": _best(clocks)} | ({"offset": offsets[0]} if offsets else {})
         elif clocks and day_first:
-            rule = {"source": _best(clocks)}
+            rule = {"source": _best(clocks), "zone": "UTC"}
+            told.append("times of day name no zone: UTC is a guess, say which it is in the mapping's `time`")
         if rule is not None:
             return _timed(table, rule, day_first, bool(whole or dates), told)
     return None
@@ -115,7 +116,7 @@ def _best(names: Sequence[str]) -> str:
 
 
 def _timed(table: Table, rule: dict[str, Any], day_first: bool | None, dated: bool, told: list[str]) -> TimeFound:
-    columns = tuple(rule.values())
+    columns = tuple(value for name, value in rule.items() if name != "zone")
     notes = [f"the time is in {' and '.join(columns)}" + ("" if dated else ", without a date")]
     certainty = 0.95 if dated else 0.8
     found = instants_of([_sample(table.texts[name]) for name in columns], Reading(None, None, day_first), "")

@@ -3,6 +3,7 @@
 It is a proposal: a person confirms it, and nothing is stored.
 """
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +25,10 @@ from twin.recording import REQUIRED_CHANNELS, TIME
 
 _KIND = PUMP_TYPES[DEFAULT_PUMP_TYPE]
 _ENOUGH = 0.3
+_ENOUGH_UNNAMED = 0.2
+_UNNAMED = re.compile(r"(column )?\d+")
+_PERCENT = 0.01
+_UNUSUAL = 0.1
 _SURE = 0.8
 _CLOSE = 0.15
 _ATMOSPHERE = (0.85, 1.15)
@@ -39,6 +44,7 @@ class _Candidate:
     score: float
     unit: str | None
     because: list[str] = field(default_factory=list)
+    scale: float = 1.0
 
 
 def suggestion(file: RawFile, text: Look | None, named: dict[str, Any] | None = None) -> MappingSuggestion:
@@ -100,7 +106,7 @@ def _assigned(file: RawFile, taken: set[str]) -> tuple[dict[str, _Candidate], li
     everywhere: dict[int, Mask] = {id(t): running(None, None, len(s)) for t, _, s in columns}
     first = [_candidate("shaft_speed_rpm", t, n, s, everywhere[id(t)]) for t, n, s in columns]
     speed = max((c for c in first if c is not None), key=lambda c: c.score, default=None)
-    fast = speed if speed is not None and speed.score >= _ENOUGH else None
+    fast = speed if speed is not None and speed.score >= _least(speed) else None
     runs = {
         id(t): running(t.channels[fast.source] if fast and t is fast.table else None, _largest(t), len(s))
         for t, _, s in columns
@@ -111,7 +117,7 @@ def _assigned(file: RawFile, taken: set[str]) -> tuple[dict[str, _Candidate], li
     used: set[tuple[int, str]] = set()
     for candidate in candidates:
         place = (id(candidate.table), candidate.source)
-        if candidate.score >= _ENOUGH and candidate.channel not in chosen and place not in used:
+        if candidate.score >= _least(candidate) and candidate.channel not in chosen and place not in used:
             chosen[candidate.channel] = candidate
             used.add(place)
     return chosen, candidates
@@ -126,7 +132,7 @@ def _largest(table: Table) -> Samples | None:
 
 def _candidate(channel: str, table: Table, name: str, samples: Samples, runs: Mask) -> _Candidate | None:
     """What speaks for a column as a channel; None where its unit or its values speak against it."""
-    spoken = spoken_for(name, channel)
+    spoken, scale = spoken_for(name, channel), 1.0
     stated = table.units.get(name) or unit_in(name)
     if name == channel:
         stated = stated or None
@@ -139,26 +145,49 @@ def _candidate(channel: str, table: Table, name: str, samples: Samples, runs: Ma
         score += 0.2
         because.append(f"{stated} is a unit of it")
         unit = stated
+    elif stated is not None and channel == "shaft_speed_rpm" and _is_share(stated):
+        scale, unit = _KIND.nominal_speed_rpm / 100.0, None
+        behaviour = seen(channel, samples * scale, runs, _KIND)
+        because.append(f"{stated} of the nominal speed, {_KIND.nominal_speed_rpm:g} rpm, is a guess")
     elif stated is not None and measures_something_else(stated, channel):
         return None
     elif name == channel or channel not in GUESSES:
         unit, behaviour = None, seen(channel, samples, runs, _KIND)
     else:
         unit, behaviour = guessed_unit(channel, samples, runs, _KIND)
+        if spoken == 0.0 and unit != GUESSES[channel][0]:
+            score -= (
+                _UNUSUAL  # neither a name nor a unit: only the values speak, and units to choose from make them speak
+            )
         if behaviour.fits > 0.0:
             because.append(f"its unit is not said; in {unit} it behaves like one")
     if spoken == 0.0 and (of_file is None or not measured) and channel not in GUESSES:
         return None
     because.append(behaviour.what)
-    if behaviour.fits < 0.0 and spoken < 1.0:
+    if name == channel:
+        score = 0.97 if behaviour.fits >= 0.0 else 0.6
+    elif behaviour.fits < 0.0:
         score += 0.4 * behaviour.fits
     else:
-        score += 0.35 * max(behaviour.fits, 0.0) + 0.1 * (spoken == 1.0)
-    return _Candidate(channel, name, table, score, unit, because)
+        score += 0.35 * behaviour.fits
+    return _Candidate(channel, name, table, score, unit, because, scale)
+
+
+def _is_share(unit: str) -> bool:
+    """Whether a unit is percent."""
+    found = unit_of_file(unit, "flight_control_activity")
+    return found is not None and found.slope == _PERCENT
+
+
+def _least(candidate: _Candidate) -> float:
+    """Score from which a candidate is taken: where columns have no names, what they do has to do."""
+    return _ENOUGH_UNNAMED if _UNNAMED.fullmatch(candidate.source) else _ENOUGH
 
 
 def _rule(candidate: _Candidate, file: RawFile) -> dict[str, Any]:
     rule: dict[str, Any] = {"source": candidate.source, "channel": candidate.channel}
+    if candidate.scale != 1.0:
+        rule |= {"scale": candidate.scale, "unit": "rpm"}
     said = candidate.table.units.get(candidate.source)
     if candidate.unit is not None and said != candidate.unit:
         rule["unit"] = candidate.unit

@@ -77,8 +77,10 @@ def look(head: bytes, tail: bytes | None = None) -> Look:
     values |= _layout(lines, rows, decimal, found)
     width = _width(rows)
     start = values.pop("_start")
-    values |= _words(rows[start:], width, decimal, delimiter, found)
-    n_footer = _footer([_fields(line, delimiter) for line in last], width, decimal)
+    ends = _footer([_fields(line, delimiter) for line in last], width, decimal)
+    n_footer = sum(bool(line.strip()) for line in last[len(last) - ends :])
+    body = rows[start : len(rows) - ends if tail is None and len(rows) < _MOST_LINES else None]
+    values |= _words(body, width, decimal, delimiter, found)
     if n_footer:
         values["footer_rows"] = n_footer
         found.notes.append(f"the last {n_footer} line(s) are no samples")
@@ -172,7 +174,7 @@ def _layout(lines: Sequence[str], rows: Sequence[Sequence[str]], decimal: str, f
             values["skip_rows"] = skipped
             found.notes.append(f"line(s) {', '.join(map(str, skipped))} between header and samples say nothing")
         found.preamble = [
-            line for i, line in enumerate(lines[:names]) if i != units and line.strip() and not line.startswith("#")
+            line for i, line in enumerate(lines[:names]) if i != units and line.strip() and not line.startswith(comment)
         ]
     if units is not None:
         values["units_row"] = units + 1
@@ -198,8 +200,9 @@ def _is_unit(cell: str) -> bool:
     text = cell.lstrip("#%! ")
     if text in ("", "-", "--") or _OF_NO_CHANNEL.fullmatch(text):
         return True
+    before = re.split(r"[\[(]", text)[0].strip()  # of ``T [degC]`` a name, of ``bar (g)`` a unit
     try:
-        return any(word(text, kind) is not None for kind in _KINDS_OF_UNIT)
+        return any(word(before or text, kind) is not None for kind in _KINDS_OF_UNIT)
     except ValueError:
         return True
 
@@ -234,11 +237,8 @@ def _words(rows: Sequence[Sequence[str]], width: int, decimal: str, delimiter: s
         found.notes.append(f"missing samples seem to be written as {', '.join(words)}")
     if marks:
         mark = marks.most_common(1)[0][0]
-        if mark != delimiter:
-            values["thousands"] = mark
-            found.notes.append(f"thousands are grouped by {mark!r}")
-        else:
-            found.could_not_tell.append(f"thousands are grouped by {mark!r}, which separates fields as well")
+        values["thousands"] = mark
+        found.notes.append(f"thousands are grouped by {mark!r}")
     return values
 
 
