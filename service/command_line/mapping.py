@@ -53,6 +53,8 @@ def map_file(
         raise failure(f"{file}: {getattr(problem, 'detail', problem)}{''.join(faults)}") from None
     place = output or file.with_name(f"{file.name.partition('.')[0]}.mapping.json")
     document = {"name": name or plain_name(Path(file.name.partition(".")[0])), **found["mapping"]}
+    if place.exists():
+        raise failure(f"{place} exists already, and may have been completed: give another --output")
     try:
         place.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     except OSError as error:

@@ -58,7 +58,7 @@ class Naming:
         try:
             self._pattern = NameRule(pattern=pattern).made if pattern else None
         except ValidationError as error:
-            raise failure(f"--name-pattern {error.errors()[0]['msg']}", 2) from None
+            raise failure(f"--name-pattern {error.errors()[0]['msg'].removeprefix('Value error, ')}", 2) from None
 
     def of(self, path: Path) -> dict[str, str]:
         """Metadata of a file.

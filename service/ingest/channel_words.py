@@ -41,7 +41,7 @@ _COMPOUNDS = {
     "druck": "druck", "temperatur": "temperatur", "drehzahl": "drehzahl", "gehause": "gehause", "leck": "leck", "tank": "tank",
     "pressure": "pressure", "press": "press", "speed": "speed", "flow": "flow", "temp": "temp", "case": "case", "drain": "drain",
     "zeit": "zeit", "time": "time", "behalter": "behalter", "pumpe": "pumpe", "system": "system", "reservoir": "reservoir",
-    "discharge": "discharge", "oil": "oil", "rpm": "rpm", "tiempo": "tiempo", "pression": "pression",
+    "discharge": "discharge", "oil": "oil", "oltemp": "oil", "oeltemp": "oil", "rpm": "rpm", "tiempo": "tiempo", "pression": "pression",
 }  # fmt: skip
 _SPEAKS: Mapping[str, tuple[str, frozenset[str], float]] = {
     "case_pressure_bar": ("pressure", _CASE, 0.0),
@@ -60,6 +60,7 @@ _SPEAKS: Mapping[str, tuple[str, frozenset[str], float]] = {
     "flight_control_activity": ("activity", frozenset(["control", "flight", "stick"]), 0.3),
 }
 """Quantity of each channel, words that tell it from its neighbours, and what the quantity alone is worth."""
+_WORD = 0.3
 _BRACKET = re.compile(r"[\[(<{]\s*([^\])>}]+?)\s*[\])>}]\s*$")
 _METADATA: Mapping[str, frozenset[str]] = {
     "pump_serial": _set(
@@ -129,7 +130,8 @@ def spoken_for(name: str, channel: str) -> float:
     if of_quantity and telling - of_quantity:
         score = 0.9
     elif of_quantity:
-        score = alone
+        # a word says more than a letter
+        score = alone + (_WORD if quantity in ("speed", "time") and any(len(word) > 2 for word in of_quantity) else 0.0)
     elif telling and quantity == "pressure" and not any(words & other for other in QUANTITIES.values()):
         score = 0.5 if any(len(word) > 2 for word in telling) else 0.3
     score -= 0.3 * bool(words & others) + 0.4 * bool(words & _FOREIGN - tells)

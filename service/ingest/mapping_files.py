@@ -48,7 +48,9 @@ def mapping_of_file(path: Path) -> MappingFile:
     try:
         mapping = ChannelMapping.model_validate(document)
     except ValidationError as error:
-        faults = "".join(f"\n  {'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        faults = "".join(
+            f"\n  {'.'.join(map(str, e['loc']))}: {e['msg'].removeprefix('Value error, ')}" for e in error.errors()
+        )
         raise ValueError(f"{path} holds {error.error_count()} fault(s):{faults}") from None
     return MappingFile(str(about.pop("name", None) or plain_name(path)), about, mapping)
 

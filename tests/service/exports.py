@@ -208,7 +208,7 @@ EXPORTS: dict[str, Callable[[Columns], bytes]] = {
     "acquisition.tdms": acquisition,
     "space-separated.csv": space_separated,
     "german.csv": german,
-    "F-HCAA_SN-0412_318_20260318-0949.csv": spreadsheet,
+    "F-HCAA_SN-0412_317_20260317-0949.csv": spreadsheet,
     "coarse-clock.csv": coarse_clock,
     "computed.csv": computed,
 }

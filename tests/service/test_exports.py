@@ -46,7 +46,7 @@ CHANNELS = {  # which column of each file is which channel, for who has not the 
         "Öltemperatur [°C]",
         "Behälterdruck [bar]",
     ),
-    "F-HCAA_SN-0412_318_20260318-0949.csv": (
+    "F-HCAA_SN-0412_317_20260317-0949.csv": (
         *("System pressure (mbar)", "Case pressure (bar)", "Pump speed (rpm)", "Fluid temp (degC)"),
         "Reservoir pressure (bar)",
     ),
@@ -99,7 +99,7 @@ def test_an_export_is_the_flight_that_it_is(name: str) -> None:
     begins = {
         RIG: START + timedelta(seconds=float(runs[0])),
         COARSE: datetime.fromisoformat("2026-03-18T23:58:30Z"),
-        "F-HCAA_SN-0412_318_20260318-0949.csv": START.replace(second=0),
+        "F-HCAA_SN-0412_317_20260317-0949.csv": START.replace(day=17, second=0),
     }
     assert metadata.started_at == begins.get(name, START)
 
@@ -143,7 +143,7 @@ def test_a_plain_record_needs_nothing() -> None:
 
 
 def test_an_export_is_suggested_previewed_stored_and_uploaded(client: TestClient) -> None:
-    name = "F-HCAA_SN-0412_318_20260318-0949.csv"
+    name = "F-HCAA_SN-0412_317_20260317-0949.csv"
     content, headers = (FOLDER / name).read_bytes(), {"content-type": "text/csv"}
     found = client.post(f"{API}/mappings/suggest", content=content, headers=headers, params={"position": "LH"})
     assert found.status_code == 200, found.text
@@ -161,6 +161,6 @@ def test_an_export_is_suggested_previewed_stored_and_uploaded(client: TestClient
     named = headers | {"content-disposition": f'attachment; filename="{name}"'}
     stored = client.post(f"{API}/records", content=content, headers=named, params={"mapping": "sheet"})
     assert stored.status_code == 201, stored.text
-    assert (stored.json()["pump_serial"], stored.json()["flight_id"]) == ("SN-0412", "318")
+    assert (stored.json()["pump_serial"], stored.json()["flight_id"]) == ("SN-0412", "317")
     again = client.post(f"{API}/records", content=content, headers=headers, params=params)
     assert (again.status_code, again.json()["record_id"]) == (200, stored.json()["record_id"])
