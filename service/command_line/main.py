@@ -10,6 +10,7 @@ from service.command_line.administration import db_app, keys_app, users_app
 from service.command_line.analysed import analysed_pump, refusal, safe_name, show_pump, show_refusal
 from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
+from service.command_line.inbox import app as inbox
 from service.command_line.mapping import app as mapping_app
 from service.command_line.mapping_options import (
     MappingOption,
@@ -32,6 +33,7 @@ app = typer.Typer(
 )
 app.add_typer(studies)
 app.add_typer(mapping_app)
+app.add_typer(inbox)
 app.add_typer(keys_app, name="keys")
 app.add_typer(users_app, name="users")
 app.add_typer(db_app, name="db")

@@ -235,7 +235,7 @@ def _is_row(line: _Line, dialect: TextDialect) -> bool:
 def _as_wide(names: list[str], width: int, first_row: _Line | None, dialect: TextDialect) -> list[str]:
     """Names where the header or the rows end in a delimiter and the others do not; numbered where there are none."""
     if not names:
-        return [f"column {i + 1}" for i in range(width)]
+        return [str(i + 1) for i in range(width)]
     if first_row is None:
         return names
     if width == len(names) + 1 and not fields_of(first_row.text, dialect.delimiter)[-1]:

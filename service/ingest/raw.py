@@ -52,29 +52,29 @@ class TextDialect:
     Attributes
     ----------
     delimiter
-        Between fields; a blank stands for runs of blanks and tabs.
+        Between fields; a blank means runs of blanks.
     decimal, thousands
-        Marks inside numbers; no thousands mark where empty.
+        Decimal sign, and what stands between groups of three digits (empty: nothing does).
     encoding
-        A text encoding of Python.
+        Text encoding.
     header_row
-        Number of the line with the names, counted from 1; None: the first that is neither blank nor a comment.
+        Line number of the header, from 1; None: the first line that is neither blank nor a comment.
     header_rows
-        Lines that the names take up; those of one column are joined with a blank.
+        Lines that the header takes, joined with a blank column by column.
     no_header
-        Whether the table begins at once.
+        There is none: columns are called ``names``, or by their number from ``1``.
     names
-        Names in place of the header's.
+        Names of the columns instead of the header's.
     units_row
-        Number of a line whose cells are units.
+        Line number whose cells are the units of the columns, from 1.
     skip_rows
-        Numbers of lines that are left out.
+        Line numbers that say nothing.
     comment
-        What a line begins with that is left out; before the names it may hold ``key: value``.
+        What a line of comment begins with; empty: nothing does.
     footer_rows
-        Lines at the end that are left out.
+        Lines at the end that are no rows.
     missing
-        Words that stand for missing samples, beside the usual ones.
+        Words for a missing sample beside the usual ones.
     """
 
     delimiter: str = ","

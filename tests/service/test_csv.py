@@ -224,7 +224,7 @@ def test_no_header_and_blanks_between_fields() -> None:
         "p": [1.5, 1.6],
         "n": [2.0, 3.0],
     }
-    assert list(table("0,1\n1,2\n", no_header=True).channels) == ["column 1", "column 2"]
+    assert list(table("0,1\n1,2\n", no_header=True).channels) == ["1", "2"]
 
 
 def test_a_row_of_units_is_recognised_among_faults() -> None:
