@@ -8,6 +8,7 @@ from datetime import datetime
 import numpy as np
 
 from service.ingest.raw import Samples, Table
+from service.ingest.time_words import is_time_name
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, TIME
 
 KNOWN = frozenset((*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS)) - {TIME}
@@ -84,7 +85,7 @@ def columns_of(table: Table, name: str, *, alone: bool) -> tuple[list[Column], C
         if channel == TIME:
             continue
         # the format's clock under the name that the file gives it is no second channel
-        if made is not None and channel not in KNOWN and _equal(samples, made):
+        if made is not None and is_time_name(channel) and _equal(samples, made):
             continue
         mine = table.times.get(channel, times)
         fits = mine is not None and len(mine) == len(samples)
@@ -157,7 +158,7 @@ def _names(names: Iterable[str]) -> str:
 
 
 def _digest(samples: Samples) -> bytes:
-    return hashlib.blake2b(np.ascontiguousarray(samples).view(np.uint8), digest_size=16).digest()
+    return hashlib.blake2b(memoryview(np.ascontiguousarray(samples)), digest_size=16).digest()
 
 
 def _equal(one: Samples, other: Samples) -> bool:

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
+from service.ingest.hdf5_heaps import check_heaps
 from service.ingest.nested import MOST_TEXTS, Leaf, Tree, leaf_of, matrix, tables_of
 from service.ingest.raw import Limits, RawFile, check_size, plain
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS
 
 _DEEPEST = 20
-_MOST_OBJECTS = 50_000
+_MOST_OBJECTS = 20_000
 _BYTES = 8
 _OF_LIBRARIES = (
     "MATLAB_",
@@ -28,6 +29,10 @@ _OF_LIBRARIES = (
     "VERSION",
 )
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT", "unit_string")
+_PACKED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
+_SAY_SOMETHING = frozenset(
+    (*_UNITS, *_PACKED, "MATLAB_class", "MATLAB_object_decode", "MATLAB_empty", "DIMENSION_LIST")
+)
 _OURS = (*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS)
 _TABLES_OF_MATLAB = ("timetable", "table", "timeseries", "datetime", "duration", "categorical", "string")
 
@@ -46,6 +51,7 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
         import h5py  # noqa: PLC0415 - an extra
     except ImportError:
         raise UnknownType("reading HDF5 needs the extra: pip install 'casedrain[hdf5]'") from None
+    check_heaps(content)
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
             reader = _Reader(file, h5py, limits)
@@ -96,13 +102,14 @@ class _Reader:
         return self._dataset(item, path, depth)
 
     def _dataset(self, item: Any, path: str, depth: int) -> "Leaf | Tree":
-        matlab = _word(item.attrs.get("MATLAB_class", b""))
-        if matlab in _TABLES_OF_MATLAB or "MATLAB_object_decode" in item.attrs:
+        said = {name: item.attrs[name] for name in item.attrs if name in _SAY_SOMETHING}
+        matlab = _word(said.get("MATLAB_class", b""))
+        if matlab in _TABLES_OF_MATLAB or "MATLAB_object_decode" in said:
             return Leaf(None, what=opaque(matlab))
+        if "MATLAB_empty" in said or item.shape is None:
+            return Leaf(None, what="empty")
         if matlab == "char":
             return self._characters(item)
-        if "MATLAB_empty" in item.attrs or item.shape is None:
-            return Leaf(None, what="empty")
         if self._h5py.check_ref_dtype(item.dtype) is not None:
             return self._cells(item, path, depth)
         if item.dtype.names:
@@ -114,15 +121,15 @@ class _Reader:
             return self._enumeration(item, names)
         if item.dtype.kind in "fiub":
             self._add(item.size)
-            unit, axis = _unit(item.attrs), self._axis(item)
-            return leaf_of(_unpacked(np.asarray(item[()]), item.attrs), unit, axis)
-        if item.dtype.kind in "SUO" and self._h5py.check_vlen_dtype(item.dtype) is None:
+            axis = self._axis(item) if "DIMENSION_LIST" in said else None
+            return leaf_of(_unpacked(np.asarray(item[()]), said), _unit(said), axis)
+        if self._h5py.check_string_dtype(item.dtype) is not None:
             return leaf_of(item[()]) if item.size <= MOST_TEXTS else Leaf(None, what="text")
         return Leaf(None, what=f"of the type {item.dtype}"[:100])
 
     def _characters(self, item: Any) -> Leaf:
         """MATLAB keeps a text as a column of its characters."""
-        if "MATLAB_empty" in item.attrs or item.size > MOST_TEXTS or 1 not in (*item.shape, 1)[:2]:
+        if item.size > MOST_TEXTS or max(item.shape, default=1) != item.size:
             return Leaf(None, what="text")
         return Leaf("".join(map(chr, np.asarray(item[()]).reshape(-1).astype(np.uint32))).strip())
 
@@ -161,8 +168,6 @@ class _Reader:
 
     def _axis(self, item: Any) -> Leaf | None:
         """The dimension scale along the samples."""
-        if "DIMENSION_LIST" not in item.attrs:
-            return None
         along = int(np.argmax(item.shape)) if item.shape else 0
         scales = item.dims[along].values() if along < len(item.dims) else []
         scale = next(iter(scales), None)
@@ -249,7 +254,7 @@ def _unit(attributes: Any) -> str:
 
 def _unpacked(samples: Any, attributes: Any) -> Any:
     """Samples as netCDF packs them: fill values are missing ones, then a factor and an offset."""
-    if not any(name in attributes for name in ("_FillValue", "missing_value", "scale_factor", "add_offset")):
+    if not any(name in attributes for name in _PACKED):
         return samples
     values = samples.astype(np.float64)
     for name in ("_FillValue", "missing_value"):

@@ -6,9 +6,11 @@ from numpy.typing import NDArray
 from service.ingest.raw import Samples
 
 _NEAR = 0.75
-"""Share of our period within which a sample of a clock as fast as ours has an instant near, for all its jitter."""
+"""Share of a period within which a sample of a clock as fast as ours has an instant near, for all its jitter."""
+_AS_DENSE = 1.5
+"""Our step in periods of another clock up to which each of its samples has an instant of its own among ours."""
 _FARTHEST_S = 1.0
-"""A sample that falls into a gap of the base is moved by no more than this, or gets an instant of its own."""
+"""Nothing is moved by more than this, but for a base that is slower itself."""
 
 
 class Base:
@@ -26,7 +28,7 @@ class Base:
     def lengthen(self, times: Samples, period_s: float) -> None:
         """Take in those times of another clock that no instant is near to; of a faster clock one in each of our periods."""
         times = np.sort(times[np.isfinite(times)])
-        extra = times[self.distances(times)[1] > self._reach_s(period_s)]
+        extra = times[~self._places_near(times, period_s)[1]]
         if not len(extra):
             return
         if period_s < self._period_s < np.inf:
@@ -49,32 +51,39 @@ class Base:
 
     def nearest(self, times: Samples, period_s: float) -> "Places":
         """Where samples of another clock go."""
-        index, distance = self.distances(times)
-        near = distance <= self._reach_s(period_s)
+        index, near, distance = self._places_near(times, period_s)
         # the last that is written to an instant stays: the nearest one
         order = np.argsort(-distance[near], kind="stable")
         return Places(np.flatnonzero(near)[order], index[near][order], len(self.times))
 
-    def distances(self, times: Samples) -> tuple[NDArray[np.intp], Samples]:
-        """Index of the nearest instant and how far it is [s], shape of ``times`` each; infinite where there is none."""
+    def _places_near(self, times: Samples, period_s: float) -> tuple[NDArray[np.intp], NDArray[np.bool_], Samples]:
+        """Index of the nearest instant, whether it is near, and how far it is [s], shape of ``times`` each.
+
+        Near is what one of our own steps spans, and where we are no sparser than the other clock is, half of its steps:
+        two clocks of one rate share their instants, but nothing is drawn to the edge of a gap.
+        """
         if self._sorted is None:
             order = np.argsort(self.times, kind="stable")
             order = order[np.isfinite(self.times[order])]
             self._sorted = order, self.times[order]
         order, known = self._sorted
         if not len(known):
-            return np.zeros(len(times), dtype=np.intp), np.full(len(times), np.inf)
-        after = np.clip(np.searchsorted(known, times), 0, len(known) - 1)
+            return np.zeros(len(times), np.intp), np.zeros(len(times), bool), np.full(len(times), np.inf)
+        after = np.searchsorted(known, times)
+        inside = (after > 0) & (after < len(known))
+        after = np.clip(after, 0, len(known) - 1)
         before = np.maximum(after - 1, 0)
         with np.errstate(invalid="ignore"):
             place = np.where(np.abs(times - known[before]) <= np.abs(known[after] - times), before, after)
             distance = np.abs(known[place] - times)
-        return order[place], np.where(np.isfinite(times), distance, np.inf)
+            near = distance <= self._reach_s
+            as_dense = inside & (known[after] - known[before] <= _AS_DENSE * period_s)
+            near |= as_dense & (distance <= min(_NEAR * period_s, _FARTHEST_S))
+        return order[place], near & np.isfinite(times), distance
 
-    def _reach_s(self, period_s: float) -> float:
-        ours = self._period_s if np.isfinite(self._period_s) else 0.0
-        theirs = period_s if np.isfinite(period_s) else _FARTHEST_S
-        return min(max(theirs / 2.0, _NEAR * ours), max(_NEAR * ours, _FARTHEST_S))
+    @property
+    def _reach_s(self) -> float:
+        return _NEAR * self._period_s if np.isfinite(self._period_s) else 0.0
 
 
 class Places:

@@ -160,13 +160,15 @@ def _series(group: Tree) -> tuple[Leaf, TimesAndStart | None] | None:
     """The column that a group of ``data``, ``time`` and ``units`` is, with its clock; None for any other group."""
     lower = {name.lower(): item for name, item in group.items()}
     data = next((item for name in _DATA if isinstance(item := lower.get(name), Leaf)), None)
-    if data is None or not isinstance(data.value, np.ndarray):
+    if data is None or not isinstance(data.value, (np.ndarray, list)):
         return None
     others = [name for name, item in lower.items() if isinstance(item, Leaf) and isinstance(item.value, np.ndarray)]
     if any(name not in (*_DATA, *_TIMES) for name in others):
         return None
     unit = data.unit or _text(lower, _UNITS) or _text(lower.get("datainfo"), _UNITS)
     leaf = Leaf(data.value, unit, axis=data.axis)
+    if isinstance(data.value, list):
+        return leaf, None
     time = next((item for name in _TIMES if isinstance(item := lower.get(name), Leaf)), None)
     if time is None or not isinstance(time.value, np.ndarray):
         return leaf, None

@@ -114,25 +114,16 @@ class _Reader:
     def _table(self, name: str, columns: Columns, units: dict[str, str]) -> Table:
         channels, texts = {}, {}
         time = start = None
-        for column, values in columns.items():
+        for column, stored in columns.items():
+            coded = self._pa.types.is_dictionary(stored.type)
+            values = stored.cast(stored.type.value_type) if coded else stored
             kind = values.type
-            if self._pa.types.is_dictionary(kind):
-                values, kind = values.cast(kind.value_type), kind.value_type
             if self._pa.types.is_timestamp(kind) or self._pa.types.is_date(kind):
-                instants = (
-                    values.cast(self._pa.timestamp("us")).to_numpy(zero_copy_only=False)
-                    if (self._pa.types.is_date(kind))
-                    else self._numpy(values)
-                )
-                zoned = getattr(kind, "tz", None) is not None
-                clock = clock_of_instants(instants, utc=zoned)
-                if (
-                    clock is not None
-                    and is_time_name(column.strip("_").removesuffix("_level_0"))
-                    and TIME not in columns
-                ):
+                instants, utc = self._instants(values, kind)
+                clock = clock_of_instants(instants, utc=utc)
+                if clock is not None and is_time_name(_of_pandas(column)) and TIME not in columns:
                     time, start = clock
-                self._say(column, texts, instants, zoned)
+                self._say(column, texts, instants, utc)
             elif self._pa.types.is_duration(kind):
                 channels[column] = self._seconds(values)
                 units[column] = "s"
@@ -151,6 +142,12 @@ class _Reader:
             clock = clock_in(channels[stated], units[stated]) if stated is not None else None
             time, start = clock or (None, None)
         return Table(channels, texts, name, time, start, units=units)
+
+    def _instants(self, values: Any, kind: Any) -> tuple[Any, bool]:
+        """Column as datetime64, shape (n,), and whether that is UTC: Parquet keeps instants with a zone so."""
+        if self._pa.types.is_date(kind):
+            return self._numpy(values.cast(self._pa.timestamp("us"))), False
+        return self._numpy(values), kind.tz is not None
 
     def _say(self, column: str, texts: dict[str, list[str | None]], instants: Any, zoned: bool) -> None:
         if len(instants) <= MOST_TEXTS:
@@ -183,3 +180,8 @@ class _Reader:
     @staticmethod
     def _numpy(values: Any) -> Any:
         return values.to_numpy() if hasattr(values, "chunks") else values.to_numpy(zero_copy_only=False)
+
+
+def _of_pandas(name: str) -> str:
+    """``index`` for what pandas calls an index without a name."""
+    return "index" if name == "__index_level_0__" else name

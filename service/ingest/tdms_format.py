@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from service.errors import Fault, Undecodable, UnknownType
+from service.errors import Fault, TooLarge, Undecodable, UnknownType
 from service.ingest.file_formats import TDMS
 from service.ingest.nested import MOST_TEXTS
 from service.ingest.raw import Limits, RawFile, Samples, Table, check_size, plain
@@ -16,6 +16,8 @@ from service.ingest.time_words import clock_of_instants, is_time_name, texts_of_
 from twin.recording import TIME
 
 _START, _OFFSET, _STEP = "wf_start_time", "wf_start_offset", "wf_increment"
+_LEAD_IN = 28
+_MOST_SEGMENTS = 100_000
 _FARTHEST = timedelta(hours=48)
 _UNITS = ("unit_string", "NI_UnitDescription", "units", "unit", "Unit")
 
@@ -36,6 +38,7 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
         from nptdms import TdmsFile  # noqa: PLC0415 - an extra
     except ImportError:
         raise UnknownType("reading TDMS needs the extra: pip install 'casedrain[tdms]'") from None
+    _check_segments(content)
     described = TdmsFile.read_metadata(io.BytesIO(content))
     lengths = [len(channel) for group in described.groups() for channel in group.channels()]
     if lengths:
@@ -52,6 +55,17 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
         if table.start is not None:
             metadata.setdefault(_START, table.start.isoformat().replace("+00:00", "Z"))
     return RawFile(metadata, tables, [], not_kept, flags)
+
+
+def _check_segments(content: bytes) -> None:
+    """Count the segments by their lead-ins: each costs the reader some time, however little it holds."""
+    place = n = 0
+    while place + _LEAD_IN <= len(content):
+        onward = int.from_bytes(content[place + 12 : place + 20], "little")
+        place += _LEAD_IN + onward
+        n += 1
+        if n > _MOST_SEGMENTS:
+            raise TooLarge(f"the TDMS file has more than {_MOST_SEGMENTS} segments: defragment it")
 
 
 def _tables(group: Any, not_kept: dict[str, str], *, cut: bool) -> list[Table]:

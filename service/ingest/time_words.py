@@ -97,7 +97,7 @@ def _from_first(times: Samples, epoch: datetime) -> TimesAndStart:
     known = times[np.isfinite(times)]
     if not len(known) or abs(known[0]) <= _LONGEST_S:
         return times, epoch
-    first = float(np.floor(known[0]))
+    first = float(np.floor(known[0] + 1e-4))  # day numbers tell 0.01 ms apart
     try:
         return times - first, epoch + timedelta(seconds=first)
     except OverflowError:
