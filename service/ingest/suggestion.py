@@ -4,12 +4,14 @@ It is a proposal: a person confirms it, and nothing is stored.
 """
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from service.answers.mappings import MappingSuggestion, SuggestedChannel
+from service.bodies import is_storable
 from service.errors import Invalid
 from service.ingest.behaviour import GUESSES, Mask, guessed_unit, running, seen
 from service.ingest.channel_words import metadata_of, spoken_for, unit_in
@@ -29,6 +31,7 @@ _ENOUGH_UNNAMED = 0.2
 _UNNAMED = re.compile(r"(column )?\d+")
 _PERCENT = 0.01
 _UNUSUAL = 0.1
+_LONGEST_NAME = 100
 _SURE = 0.8
 _CLOSE = 0.15
 _ATMOSPHERE = (0.85, 1.15)
@@ -59,6 +62,7 @@ def suggestion(file: RawFile, text: Look | None, named: dict[str, Any] | None = 
     named
         Metadata that the request says.
     """
+    file = _nameable(file)
     told = list(text.could_not_tell) if text else []
     clock = time_of(file, told)
     taken = set(clock.columns)
@@ -90,6 +94,25 @@ def suggestion(file: RawFile, text: Look | None, named: dict[str, Any] | None = 
         "looked_at": [*(text.notes if text else []), *clock.notes],
         "faults": faults,
     }
+
+
+def _nameable(file: RawFile) -> RawFile:
+    """The file without columns and metadata whose names no mapping can hold."""
+
+    def kept(values: Mapping[str, Any]) -> dict[str, Any]:
+        return {n: v for n, v in values.items() if 0 < len(n) <= _LONGEST_NAME and is_storable(n)}
+
+    tables = tuple(
+        replace(
+            t,
+            channels=kept(t.channels),
+            texts=kept(t.texts),
+            attributes=kept(t.attributes),
+            name=t.name if is_storable(t.name) and len(t.name) <= _LONGEST_NAME else "",
+        )
+        for t in file.tables
+    )
+    return replace(file, tables=tables, metadata=kept(file.metadata))
 
 
 def _is_ours(candidate: _Candidate) -> bool:
@@ -285,6 +308,8 @@ def _at_rest(found: _Candidate, speed: _Candidate | None) -> float | None:
         return None
     samples = converted.applied(found.table.channels[found.source])
     speeds = found.table.channels[speed.source]
+    if len(speeds) != len(samples) or not np.isfinite(speeds).any():
+        return None
     rests = np.abs(np.nan_to_num(speeds)) < 0.05 * float(np.nanmax(np.abs(speeds)))
     known = samples[rests & np.isfinite(samples)]
     return float(np.median(known)) if len(known) else None

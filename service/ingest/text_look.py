@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from service.bodies import is_storable
 from service.ingest.csv_rule import CsvRule
 from service.ingest.unit_words import WORDS, word
 
@@ -32,6 +33,7 @@ _OF_NO_CHANNEL = re.compile(
 """What stands in a row of units for columns that are no channels of ours."""
 _FEWEST_ROWS = 3
 _MOST_FOOTER = 20
+_LONGEST_WORD = 40
 
 
 @dataclass(slots=True)
@@ -231,7 +233,9 @@ def _words(rows: Sequence[Sequence[str]], width: int, decimal: str, delimiter: s
             elif cell.lower() not in _MISSING:
                 other[cell] += 1
     values: dict[str, Any] = {}
-    words = [cell for cell, n in other.most_common(10) if n >= 1 and len(cell) <= 40]
+    words = [
+        cell for cell, n in other.most_common(10) if n >= 1 and 0 < len(cell) <= _LONGEST_WORD and is_storable(cell)
+    ]
     if words:
         values["missing"] = words
         found.notes.append(f"missing samples seem to be written as {', '.join(words)}")

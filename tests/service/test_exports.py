@@ -1,5 +1,6 @@
 """Ten shapes of real exports become the flight that they are by a mapping alone; what is proposed for them is right."""
 
+from contextlib import suppress
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,10 @@ import pytest
 from fastapi.testclient import TestClient
 
 from service.answers.mappings import MappingSuggestion
+from service.errors import Problem
 from service.ingest.decode import DecodedRecord, decode
 from service.ingest.file_names import named_by
+from service.ingest.mapping import ChannelMapping
 from service.ingest.mapping_files import MappingFile, mapping_of_file
 from service.ingest.parse import parsed
 from service.ingest.suggesting import proposed
@@ -38,7 +41,7 @@ CHANNELS = {  # which column of each file is which channel, for who has not the 
     ),
     "flight-test-structs.mat": ("PHYD1", "PCASE", "NHYD1", "THYD1", "PTANK"),
     "acquisition.tdms": ("Discharge", "Case", "Speed", "Temperature", "Reservoir"),
-    "space-separated.csv": ("column 2", "column 3", "column 4", "column 5", None),
+    "space-separated.csv": ("2", "3", "4", "5", None),
     "german.csv": (
         "Systemdruck [bar]",
         "Gehäusedruck [bar]",
@@ -164,3 +167,22 @@ def test_an_export_is_suggested_previewed_stored_and_uploaded(client: TestClient
     assert (stored.json()["pump_serial"], stored.json()["flight_id"]) == ("SN-0412", "317")
     again = client.post(f"{API}/records", content=content, headers=headers, params=params)
     assert (again.status_code, again.json()["record_id"]) == (200, stored.json()["record_id"])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_a_file_holds_is_proposed_for_or_refused(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pieces = [b"\n", b",", b";", b'"', b"\x00", b"1e999", b"-", b"\xff", b":", b"%", b"(", b"2026-02-30", b"\x00\n,"]
+    for name in ("engine-logger.csv", "german.csv", "space-separated.csv", BENCH):
+        content = (FOLDER / name).read_bytes()[: int(rng.choice([400, 2500, 20_000]))]
+        for _ in range(int(rng.choice([1, 5, 30]))):
+            place = int(rng.integers(len(content)))
+            content = (
+                content[:place]
+                + pieces[int(rng.integers(len(pieces)))]
+                + content[place + int(rng.choice([0, 1, 200])) :]
+            )
+        damaged = tmp_path / name
+        damaged.write_bytes(content)
+        with suppress(Problem):  # what cannot be read at all is refused; nothing else may happen
+            ChannelMapping.model_validate(suggested(damaged)["mapping"])
