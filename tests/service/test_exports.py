@@ -1,5 +1,7 @@
 """Ten shapes of real exports become the flight that they are by a mapping alone; what is proposed for them is right."""
 
+import io
+import zipfile
 from contextlib import suppress
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -19,6 +21,7 @@ from service.ingest.parse import parsed
 from service.ingest.suggesting import proposed
 from service.ingest.upload_files import content_type_of
 from tests.service.exports import EXPORTS, FOLDER, LIMITS, START, truth
+from tests.service.finished_job import finished
 
 API = "/api/v1"
 # what rounding and units leave: half of the last digit that each file writes
@@ -167,6 +170,15 @@ def test_an_export_is_suggested_previewed_stored_and_uploaded(client: TestClient
     assert (stored.json()["pump_serial"], stored.json()["flight_id"]) == ("SN-0412", "317")
     again = client.post(f"{API}/records", content=content, headers=headers, params=params)
     assert (again.status_code, again.json()["record_id"]) == (200, stored.json()["record_id"])
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        archive.writestr(f"day/{name}", content)
+        archive.writestr("day/nameless.csv", content)
+    headers = {"content-type": "application/zip"}
+    job = client.post(f"{API}/records/bulk", content=packed.getvalue(), headers=headers, params={"mapping": "sheet"})
+    items = finished(client, job.json()["id"])["items"]
+    assert [item["status"] for item in items] == ["known", "refused"]
+    assert items[1]["problem"]["errors"][0]["where"] == "file_name"
 
 
 @pytest.mark.parametrize("seed", range(4))
