@@ -69,7 +69,9 @@ def watch(
     with Journal(leave or _journal_of(looked_at)) as kept, Client(url, key, retries=_RETRIES) as client:
 
         def send(name: str, content: bytes) -> Any:
-            return client.upload(content, content_type_of(Path(name)), metadata=metadata, mapping=mapping)
+            called = Path(name).name if mapping else None  # a mapping may read metadata from it
+            kind = content_type_of(Path(name))
+            return client.upload(content, kind, metadata=metadata, mapping=mapping, file_name=called)
 
         inbox = Inbox(looked_at, kept, send, rules)
         told = _Told(json_)
