@@ -71,7 +71,8 @@ class Gaps:
         return in_long_gaps > MOST_MISSING * whole or lost > (MOST_MISSING + _SIGMAS_OF_SHARE * scatter) * whole
 
     def _inside(self, start_s: float, end_s: float) -> Samples:
-        return np.maximum(np.minimum(self.ends, end_s) - np.maximum(self.starts, start_s), 0.0)
+        inside: Samples = np.maximum(np.minimum(self.ends, end_s) - np.maximum(self.starts, start_s), 0.0)
+        return inside
 
 
 def conditioned(recording: Recording, pump: PumpType) -> Recording:

@@ -88,6 +88,37 @@ def steady_windows(recording: Recording, pump: PumpType, thresholds: Mapping[str
     return tuple(sorted(windows, key=lambda w: w.start_s))
 
 
+def marked_windows(
+    recording: Recording,
+    pump: PumpType,
+    thresholds: Mapping[str, float],
+    stretches: Sequence[tuple[float, float]],
+) -> list[Window]:
+    """Windows that an engineer vouches for: stretches [s] whose medians turn, regulate and hold a known flow."""
+    if len(recording) < 2 or not stretches:
+        return []
+    search = _Search(recording, _blocks(recording, pump, thresholds["window_minimum_duration_s"]), pump, thresholds)
+    found = []
+    for start_s, end_s in stretches:
+        first, end = np.searchsorted(recording.time_s, (start_s, np.nextafter(end_s, np.inf)))
+        medians = {n: _median(recording[n][first:end]) for n in REQUIRED_CHANNELS[1:]}
+        flow = _median(recording["commanded_flow_lpm"][first:end]) if "commanded_flow_lpm" in recording else 0.0
+        if not all(math.isfinite(m) for m in (*medians.values(), flow)):
+            continue
+        if medians["shaft_speed_rpm"] <= LOWEST_SPEED_FRACTION * pump.nominal_speed_rpm:
+            continue
+        if flow > thresholds["window_commanded_flow_lpm"]:
+            found.append(_window(search, WindowKind.CONSTANT_FLOW, slice(int(first), int(end)), None))
+        elif medians["discharge_pressure_bar"] > _regulated(pump):
+            found.append(_window(search, WindowKind.ZERO_FLOW, slice(int(first), int(end)), None))
+    return found
+
+
+def _median(samples: NDArray[np.float64]) -> float:
+    known = samples[np.isfinite(samples)]
+    return float(np.median(known)) if len(known) else math.nan
+
+
 def _blocks(recording: Recording, pump: PumpType, shortest_s: float) -> _Blocks:
     time = recording.time_s
     step = float(np.median(np.diff(time)))
@@ -143,7 +174,7 @@ def _levels(commanded: NDArray[np.float64], flowing: NDArray[np.bool_], step: fl
     """Number of the level that each block is commanded to, counted from 1 in time order; 0 where nothing is."""
     level = np.zeros(len(commanded), dtype=np.int64)
     count, held, last = 0, np.nan, -1
-    for i in np.flatnonzero(flowing):
+    for i in map(int, np.flatnonzero(flowing)):
         # what lies between two blocks of one level may be unknown, but not another level or none
         if last < 0 or np.isfinite(commanded[last + 1 : i]).any() or abs(commanded[i] - held) > step:
             count, held = count + 1, commanded[i]
@@ -194,8 +225,13 @@ def _joined(search: _Search, spans: Sequence[tuple[int, int, str | None]]) -> li
     if (before is None) == (why is None):
         return [*rest, (a, b, whole)] if (whole is None) == (why is None) else None
     lost = spans[-1] if before is None else spans[-2]
-    if whole is None and _lost(search.blocks, lost[0], lost[1]):
+    if not _lost(search.blocks, lost[0], lost[1]):
+        return None
+    if whole is None:
         return [*rest, (a, b, None)]
+    # the steady stretch before the gap may be long enough for both
+    if rest and why is None and rest[-1][2] is None and _unsteady(search, rest[-1][0], b) is None:
+        return [*rest[:-1], (rest[-1][0], b, None)]
     return None
 
 

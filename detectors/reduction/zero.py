@@ -1,9 +1,10 @@
 """Zero of the case sensor: while the pump is off it must read the reservoir."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from detectors.reduction.conditioning import bridged_stretches, gaps_of, shares_lost
 from detectors.reduction.statistics import mean_with_error, without_spikes
@@ -18,13 +19,16 @@ UNMEASURED_RESERVOIR_SD_BAR = 0.10
 
 
 def pump_off_zero(
-    recording: Recording, pump: PumpType, thresholds: Mapping[str, float]
+    recording: Recording,
+    pump: PumpType,
+    thresholds: Mapping[str, float],
+    good: Sequence[tuple[float, float]] = (),
 ) -> tuple[Zero, tuple[Window, ...]]:
     """Zero of the case sensor on a conditioned record, and every pump-off stretch as a window.
 
     Gaps inside a stretch are bridged up to the stated share. The first settled stretch counts (before the run-up the
     line has rested longest); after a shutdown the pressure is given time to decay. Without one, the offset is unknown
-    with the sensor's prior spread.
+    with the sensor's prior spread; so it is where the case pressure was not recorded there. A stretch that lies within one of ``good`` [s] is taken as it stands.
     """
     unknown_zero = Zero(0.0, pump.population["case_zero_bar"].value, measured=False)
     speed = np.abs(recording["shaft_speed_rpm"])
@@ -37,17 +41,40 @@ def pump_off_zero(
     zero = unknown_zero
     for first, end in bridged_stretches(off, unknown, np.append(time, time[-1:]), gaps, 0.0):
         has_run = bool((~off & ~unknown)[:first].any())
-        window, offset = _pump_off_window(recording, pump, thresholds, (first, end), settles=has_run)
+        part = _vouched_part(time, first, end, good)
+        window, offset = _pump_off_window(
+            recording, pump, thresholds, part or (first, end), settles=has_run and not part, vouched=part is not None
+        )
         windows.append(window)
         if window.accepted and offset is not None and not zero.measured:
             zero = offset
     return zero, tuple(windows)
 
 
+def _vouched_part(
+    time: NDArray[np.float64], first: int, end: int, good: Sequence[tuple[float, float]]
+) -> tuple[int, int] | None:
+    """Samples of the first good stretch that lies within a stretch of a pump that stands; None without one."""
+    for a, b in good:
+        start, stop = (int(i) for i in np.searchsorted(time, (a, np.nextafter(b, np.inf))))
+        if first <= start < stop <= end:
+            return start, stop
+    return None
+
+
 def _pump_off_window(
-    recording: Recording, pump: PumpType, thresholds: Mapping[str, float], bounds: tuple[int, int], *, settles: bool
+    recording: Recording,
+    pump: PumpType,
+    thresholds: Mapping[str, float],
+    bounds: tuple[int, int],
+    *,
+    settles: bool,
+    vouched: bool,
 ) -> tuple[Window, Zero | None]:
-    """One stretch of a pump that stands; ``settles`` where it has run before and the line still empties."""
+    """One stretch of a pump that stands; ``settles`` where it has run before and the line still empties.
+
+    Where somebody has ``vouched`` for it, neither its length nor its drift counts.
+    """
     first, end = bounds
     time = recording.time_s
     start_s, end_s = float(time[first]), float(time[end - 1])
@@ -67,10 +94,11 @@ def _pump_off_window(
         return Window(WindowKind.PUMP_OFF, start_s, end_s, False, reason, means, bridged=bridged), None
 
     # half a step is what jitter may take from a stretch that is just long enough
-    if end_s - start_s + 0.5 * float(np.median(np.diff(time))) < shortest:
+    if not vouched and end_s - start_s + 0.5 * float(np.median(np.diff(time))) < shortest:
         return rejected(f"lasts {end_s - start_s:.0f} s; at least {shortest:.0f} s are needed")
     if "case_pressure_bar" not in means:
-        return rejected("case pressure has no sample here")
+        # the pump stands all the same; only what the case sensor reads then, nobody knows
+        return Window(WindowKind.PUMP_OFF, start_s, end_s, True, None, means, bridged=bridged), None
     measured = "reservoir_pressure_bar" in means
     difference = recording["case_pressure_bar"][inside].copy()
     if measured:
@@ -85,7 +113,7 @@ def _pump_off_window(
     if a is None or b is None or offset is None:
         return rejected("too few samples of case and reservoir pressure together")
     drift, allowed = abs(b.mean - a.mean), 0.01 * sensor.full_scale_bar
-    if drift > allowed:
+    if drift > allowed and not vouched:
         return rejected(f"case pressure has not settled: it moves by {drift:.3f} bar; limit {allowed:.3f} bar")
     spread = UNMEASURED_RESERVOIR_SD_BAR if not measured else resolution
     sd = math.hypot(offset.standard_error, resolution, spread)

@@ -60,6 +60,15 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
+class Mark:
+    """A stretch of a record [s] that an engineer has judged: ``good`` is a window as it stands, bad is no evidence."""
+
+    start_s: float
+    end_s: float
+    good: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Behaviour:
     """How one pressure channel behaved over a record: facts for the question whether it can be true.
 

@@ -158,7 +158,7 @@ def _names(names: Iterable[str]) -> str:
 
 
 def _digest(samples: Samples) -> bytes:
-    return hashlib.blake2b(memoryview(np.ascontiguousarray(samples)), digest_size=16).digest()
+    return hashlib.blake2b(np.ascontiguousarray(samples).data, digest_size=16).digest()
 
 
 def _equal(one: Samples, other: Samples) -> bool:

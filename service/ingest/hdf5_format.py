@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
-from service.ingest.hdf5_heaps import check_heaps
+from service.ingest.hdf5_heaps import check_heaps, longest_text
 from service.ingest.nested import MOST_TEXTS, Leaf, Tree, leaf_of, matrix, tables_of
 from service.ingest.raw import Limits, RawFile, check_size, plain
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS
@@ -54,7 +54,7 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
     check_heaps(content)
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            reader = _Reader(file, h5py, limits)
+            reader = _Reader(file, h5py, content, limits)
             tree = reader.group(file, "", 0)
             found = tables_of(tree, RawFile({}, (), reader.faults, reader.not_kept))
     except (OSError, KeyError, RuntimeError, ValueError) as error:
@@ -65,8 +65,8 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
 class _Reader:
     """Walks one file over its hard links, each object once, and adds up what it reads."""
 
-    def __init__(self, file: Any, h5py: Any, limits: Limits) -> None:
-        self._file, self._h5py, self._limits = file, h5py, limits
+    def __init__(self, file: Any, h5py: Any, content: bytes, limits: Limits) -> None:
+        self._file, self._h5py, self._content, self._limits = file, h5py, content, limits
         self._visited: set[int] = set()
         self._objects = 0
         self._samples = 0
@@ -124,8 +124,18 @@ class _Reader:
             axis = self._axis(item) if "DIMENSION_LIST" in said else None
             return leaf_of(_unpacked(np.asarray(item[()]), said), _unit(said), axis)
         if self._h5py.check_string_dtype(item.dtype) is not None:
-            return leaf_of(item[()]) if item.size <= MOST_TEXTS else Leaf(None, what="text")
+            return leaf_of(item[()]) if self._is_short(item) else Leaf(None, what="text")
         return Leaf(None, what=f"of the type {item.dtype}"[:100])
+
+    def _is_short(self, item: Any) -> bool:
+        """Whether a dataset of texts is worth reading, and no entry says that it is longer than the file."""
+        if item.size > MOST_TEXTS:
+            return False
+        offset = item.id.get_offset()
+        if offset is None or self._h5py.check_string_dtype(item.dtype).length is not None:
+            return True
+        fits = offset + item.id.get_storage_size() <= len(self._content)
+        return fits and longest_text(self._content, offset, item.size) <= len(self._content)
 
     def _characters(self, item: Any) -> Leaf:
         """MATLAB keeps a text as a column of its characters."""
@@ -153,7 +163,8 @@ class _Reader:
         if len(item.shape) != 1:
             return Leaf(None, what=matrix(item.shape))
         self._add(item.size * len(item.dtype.names))
-        rows, tree = item[()], {}
+        rows = item[()]
+        tree: Tree = {}
         for name in item.dtype.names:
             tree[name] = leaf_of(rows[name]) if item.size > 1 else Leaf(None, what="a single row")
         for name, value in self._attributes(item).items():

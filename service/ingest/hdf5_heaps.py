@@ -2,10 +2,19 @@
 
 import struct
 
+import numpy as np
+
 from service.errors import Fault, Undecodable
 
 _MARK = b"GCOL\x01\x00\x00\x00"
+_ENTRY_BYTES = 16
 _OBJECT = struct.Struct("<HHIQ")
+
+
+def longest_text(content: bytes, offset: int, n: int) -> int:
+    """Longest of n texts of any length as their entries state it, which the library would make room for."""
+    entries = np.frombuffer(content, np.uint8, _ENTRY_BYTES * n, offset).reshape(n, _ENTRY_BYTES)
+    return int(np.ascontiguousarray(entries[:, :4]).view("<u4").max(initial=0))
 
 
 def check_heaps(content: bytes) -> None:

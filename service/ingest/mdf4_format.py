@@ -1,7 +1,7 @@
 """MDF4 (ASAM): every channel group on its own master, metadata among the header's properties; needs the extra ``mdf4``.
 
-Invalid samples are missing ones; conversions of the file are applied, but for formulas, which would run text of a
-stranger as code; enumerations are texts.
+Invalid samples are missing ones; conversions of the file are applied, formulas where they are plain arithmetic (the
+reader's library would evaluate any text of a stranger); enumerations are texts.
 """
 
 import io
@@ -13,6 +13,7 @@ import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
 from service.ingest.file_formats import MDF4
+from service.ingest.formulas import Formula
 from service.ingest.mdf4_blocks import check_links
 from service.ingest.nested import MOST_TEXTS
 from service.ingest.raw import Limits, RawFile, Samples, Table, check_size, plain
@@ -25,6 +26,8 @@ _BUS = 2 | 4
 _ALGEBRAIC = 3
 _TIME = 1
 _STRINGS = range(6, 10)
+_OPERANDS = ("X", "X1", "x")
+"""What the formula of a conversion calls the sample."""
 
 
 def parsed(content: bytes, limits: Limits) -> RawFile:
@@ -124,10 +127,8 @@ class _Reader:
         channel, depends = group.channels[place], group.channel_dependencies[place]
         if depends:
             self._leave_out(channel.name, "an array" if not isinstance(depends[0], tuple) else "a structure")
-        elif _has_formula(channel.conversion):
-            self._leave_out(
-                channel.name, "converted by a formula, which is not run: record it with a linear conversion"
-            )
+        elif _has_formula(channel.conversion) and _arithmetic(channel.conversion) is None:
+            self._leave_out(channel.name, "converted by a formula that is more than arithmetic: save it converted")
         elif channel.data_type > _STRINGS[-1]:
             self._leave_out(channel.name, "bytes")
         else:
@@ -158,7 +159,7 @@ class _Reader:
             group=index, index=place, data=fragment, samples_only=True, raw=True, ignore_invalidation_bits=True
         )[0]
         raw = np.asarray(raw)
-        values = raw if channel.conversion is None else np.asarray(channel.conversion.convert(raw))
+        values = raw if channel.conversion is None else _converted(channel.conversion, raw)
         invalid = np.full(len(values), bool(channel.flags & _ALL_INVALID))
         if channel.flags & _MAY_BE_INVALID:
             bits = self._file.get_invalidation_bits(index, channel.pos_invalidation_bit, fragment, one_piece=True)
@@ -190,6 +191,25 @@ class _Reader:
         else:
             what = "complex numbers" if values.dtype.kind == "c" else "text" if values.dtype.kind == "O" else "bytes"
             self._leave_out(name, what)
+
+
+def _converted(conversion: Any, raw: Any) -> Any:
+    formula = _arithmetic(conversion)
+    if formula is None:
+        return np.asarray(conversion.convert(raw))
+    samples = raw.astype(np.float64)
+    return formula(dict.fromkeys(_OPERANDS, samples))
+
+
+def _arithmetic(conversion: Any) -> Formula | None:
+    """The formula of a conversion where it is arithmetic of the sample alone; its library would evaluate any text."""
+    if getattr(conversion, "conversion_type", 0) != _ALGEBRAIC:
+        return None
+    try:
+        formula = Formula(str(conversion.formula).strip("\0 "))
+    except ValueError:
+        return None
+    return formula if set(formula.names) <= set(_OPERANDS) else None
 
 
 def _has_formula(conversion: Any) -> bool:

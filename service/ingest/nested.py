@@ -4,7 +4,6 @@ A group that holds ``data`` and perhaps ``time`` and ``units`` is one column wit
 timeseries. A group without a clock takes that of the group that encloses it, for columns of the same length.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -137,10 +136,18 @@ def _is_single(leaf: Leaf) -> bool:
     return leaf.value is not None and not isinstance(leaf.value, (np.ndarray, list))
 
 
-def _clock(channels: Mapping[str, Samples], units: Mapping[str, str]) -> TimesAndStart | None:
-    """Clock of a group: ``time_s``, or a column that is called time and says its unit."""
+def _clock(channels: dict[str, Samples], units: dict[str, str]) -> TimesAndStart | None:
+    """Clock of a group: ``time_s``, or a column that is called time and says its unit.
+
+    A ``time_s`` that counts since an instant counts from the group's start afterwards.
+    """
     if TIME in channels:
-        return channels[TIME], None
+        stated = clock_in(channels[TIME], units.get(TIME, ""))
+        if stated is None or stated[1] is None:
+            return channels[TIME], None
+        channels[TIME] = stated[0]
+        del units[TIME]
+        return stated
     for name, samples in channels.items():
         if is_time_name(name) and name in units:
             clock = clock_in(samples, units[name])

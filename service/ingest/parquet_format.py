@@ -12,7 +12,7 @@ import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
 from service.ingest.nested import MOST_TEXTS
-from service.ingest.raw import Limits, RawFile, Table, check_size
+from service.ingest.raw import Limits, RawFile, Samples, Table, check_size
 from service.ingest.time_words import clock_in, clock_of_instants, is_time_name, texts_of_instants
 from twin.recording import TIME
 
@@ -112,7 +112,8 @@ class _Reader:
         ]
 
     def _table(self, name: str, columns: Columns, units: dict[str, str]) -> Table:
-        channels, texts = {}, {}
+        channels: dict[str, Samples] = {}
+        texts: dict[str, list[str | None]] = {}
         time = start = None
         for column, stored in columns.items():
             coded = self._pa.types.is_dictionary(stored.type)
@@ -121,7 +122,7 @@ class _Reader:
             if self._pa.types.is_timestamp(kind) or self._pa.types.is_date(kind):
                 instants, utc = self._instants(values, kind)
                 clock = clock_of_instants(instants, utc=utc)
-                if clock is not None and is_time_name(_of_pandas(column)) and TIME not in columns:
+                if clock is not None and is_time_name(_of_pandas(column)) and (column == TIME or TIME not in columns):
                     time, start = clock
                 self._say(column, texts, instants, utc)
             elif self._pa.types.is_duration(kind):

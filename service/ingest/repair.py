@@ -28,7 +28,7 @@ def repaired(raw: RawRecord) -> RawRecord:
     """The record in order of time, each instant once, with a flag for everything that was mended.
 
     Rows are only moved where their times say where to. A clock that was set back goes on from where it was, by its usual
-    step. Optional channels without a single number are left out: an empty column is a sensor that is not there.
+    step; a single stamp far off and a record that starts over are left to be refused. Optional channels without a single number are left out: an empty column is a sensor that is not there.
     """
     flags = list(raw.flags)
     channels = dict(raw.channels)
@@ -79,7 +79,9 @@ def _in_order(channels: dict[str, Samples], flags: list[str]) -> dict[str, Sampl
     if moved.max() <= _FARTHEST_NEIGHBOUR and not (uneven and len(back) <= _MOST_JUMPS):
         flags.append(f"{_rows(int((moved > 0).sum()))} out of order: put in order of time")
         return {name: samples[order] for name, samples in channels.items()}
-    if len(back) > _MOST_JUMPS:
+    # one stamp that is off, and a second recording behind the first, are not a clock that was set back: refused
+    returns = time[np.minimum(back + 2, len(time) - 1)] > time[back]
+    if len(back) > _MOST_JUMPS or returns.any() or (time[back + 1] <= time[0] + 0.5 * step).any():
         return channels
     mended = time.copy()
     for i in back:

@@ -8,7 +8,9 @@ import numpy as np
 
 from service.ingest.raw import Samples
 
-TIME_NAMES = frozenset(("time", "t", "timestamp", "timestamps", "time_stamp", "datetime", "date_time", "utc", "index"))
+TIME_NAMES = frozenset(
+    ("time", "time_s", "t", "timestamp", "timestamps", "time_stamp", "datetime", "date_time", "utc", "index")
+)
 """Names of columns that may be a clock, in lower case; what makes them one is their unit or their type."""
 _SECONDS_IN = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),

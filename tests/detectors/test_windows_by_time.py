@@ -280,3 +280,15 @@ def test_lost_time_is_what_the_gaps_hold() -> None:
     assert gaps.lost(60.0, 99.0) == pytest.approx(5.0, abs=1.0)
     assert not gaps.too_many(0.0, 60.0)
     assert gaps.too_many(10.0, 35.0)
+
+
+def test_a_case_sensor_that_starts_late_has_no_zero_and_the_pump_stood_all_the_same() -> None:
+    channels = flight(1.0)
+    late = np.where(channels["time_s"] < 60.0, np.nan, channels["case_pressure_bar"])
+    found = reduced({**channels, "case_pressure_bar": late})
+    off = found.windows[0]
+    assert (off.kind, off.accepted) == (WindowKind.PUMP_OFF, True)
+    assert "case_pressure_bar" not in off.means
+    assert not found.zero.measured
+    assert "no case pressure while the pump stood: the case sensor's offset is unknown on this record" in found.flags
+    assert found.zero_flow is not None

@@ -65,7 +65,7 @@ def test_mdf4_samples_that_the_file_calls_invalid_are_missing() -> None:
     assert np.array_equal(made.channels["other"], TIME * 2)
 
 
-def test_mdf4_conversions_are_applied_and_formulas_are_not_run() -> None:
+def test_mdf4_conversions_are_applied_and_no_formula_is_run_as_code() -> None:
     raw = np.arange(N, dtype=np.uint16)
     table = {"raw_0": 0, "phys_0": 0.0, "raw_1": 100, "phys_1": 1.0, "interpolation": True}
     content = mdf4(
@@ -74,7 +74,8 @@ def test_mdf4_conversions_are_applied_and_formulas_are_not_run() -> None:
             signal(raw, "ratio", conversion={"P1": 0, "P2": 2, "P3": 1, "P4": 0, "P5": 0, "P6": 4}),
             signal(raw, "table", conversion=table),
             signal(raw % 2, "phase", conversion={"val_0": 0, "text_0": b"off", "val_1": 1, "text_1": b"on"}),
-            signal(raw, "formula", conversion={"formula": "X1*2+1"}),
+            signal(raw, "formula", conversion={"formula": "X1**2 * 0.5 - 1"}),
+            signal(raw, "code", conversion={"formula": "__import__('os').getpid() + X1"}),
         ]
     )
     found = read(content, MDF4)
@@ -83,7 +84,8 @@ def test_mdf4_conversions_are_applied_and_formulas_are_not_run() -> None:
     assert np.allclose(channels["ratio"], (2.0 * raw + 1.0) / 4.0)
     assert np.allclose(channels["table"], np.minimum(raw, 100) / 100.0)
     assert found.tables[0].texts["phase"][:2] == ["off", "on"]
-    assert "formula" in found.not_kept["formula"]
+    assert np.allclose(channels["formula"], raw.astype(float) ** 2 * 0.5 - 1.0)
+    assert "formula" in found.not_kept["code"]
 
 
 def test_mdf4_arrays_structures_and_bytes_are_named_and_refuse_nothing() -> None:
@@ -292,6 +294,19 @@ def test_hdf5_groups_without_times_are_never_laid_on_each_other() -> None:
     assert "no times" in found["channels.case_pressure_bar"]
 
 
+@pytest.mark.parametrize("epoch", ["1970-01-01", "2026-05-02 07:00:00"])
+def test_hdf5_a_time_s_since_an_instant_says_when_it_started(epoch: str) -> None:
+    since = (START.replace(tzinfo=None) - datetime.fromisoformat(epoch)).total_seconds()
+
+    def write(file: Any) -> None:
+        file["time_s"], file["case_pressure_bar"] = TIME + since, CASE
+        file["time_s"].attrs["units"] = f"seconds since {epoch}"
+
+    made = record(hdf5(write), HDF5)
+    begun = datetime.fromisoformat(made.metadata["started_at"]).timestamp()
+    assert np.array_equal(begun + made.channels["time_s"], START.timestamp() + TIME)
+
+
 # MATLAB
 
 
@@ -376,6 +391,18 @@ def test_parquet_nested_structs_and_columns_of_every_type() -> None:
     assert made.channels["cost"][0] == 1.5
     assert np.isnan(made.channels["gaps"][0])
     assert set(made.not_kept) == {"timestamp", "made", "phase", "rows", "blob"}
+
+
+def test_parquet_instants_and_durations_called_time_s_are_time() -> None:
+    instants = pa.array(np.datetime64("2026-05-02T07:11:00", "us") + (TIME * 1e6).astype("timedelta64[us]"))
+    made = record(
+        parquet(pa.table({"time_s": instants.cast(pa.timestamp("us", "UTC")), "case_pressure_bar": CASE})), PARQUET
+    )
+    assert np.array_equal(made.channels["time_s"], TIME)
+    assert datetime.fromisoformat(made.metadata["started_at"]) == START
+    durations = pa.array((TIME * 1e3).astype("timedelta64[ms]"))
+    made = record(parquet(pa.table({"time_s": durations, "case_pressure_bar": CASE})), PARQUET)
+    assert np.array_equal(made.channels["time_s"], TIME)
 
 
 def test_parquet_a_frame_of_pandas_is_read_by_its_index() -> None:
