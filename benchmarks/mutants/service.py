@@ -9,6 +9,7 @@ _TENANCY, _SIGN_IN, _PLACES = (
     ("tests.service.test_sign_in",),
     ("tests.service.test_registry_placement",),
 )
+_UNITS, _LANGUAGE = ("tests.service.test_units",), ("tests.service.test_mapping_language",)
 _LIFE_CYCLE, _LAYERS_OF = "service.alarms.life_cycle", "service.thresholds.layers"
 
 
@@ -28,7 +29,24 @@ def _ledger(fragment: str, replacement: str) -> Mutant:
     return Mutant("alarms", "service.alarms.ledger", fragment, replacement, _LEDGER, "sqlite")
 
 
+def _mapping(module: str, fragment: str, replacement: str, tests: tuple[str, ...] = _LANGUAGE) -> Mutant:
+    return Mutant("mappings", f"service.ingest.{module}", fragment, replacement, tests)
+
+
 MUTANTS: tuple[Mutant, ...] = (
+    _mapping("unit_words", "30.0 / _PI:", "30.0:", _UNITS),
+    _mapping("unit_words", '60.0: "Hz hertz', '9.55: "Hz hertz', _UNITS),
+    _mapping("unit_words", "if compact in _MEANS_OTHERWISE:", "if compact.lower() in _MEANS_OTHERWISE:", _UNITS),
+    _mapping("instants", "seconds = seconds + np.cumsum(days)", "seconds = seconds + days"),
+    _mapping("instants", "late[0], full[0] = usual - full[0], usual", "late[0], full[0] = 0.0, usual"),
+    _mapping("instants", "fold = 1 if local < before - 1800.0 else fold", "fold = 0"),
+    _mapping("mapped", "near = age <= rule.between_s", "near = age >= 0.0"),
+    _mapping("mapped", "time[known] + delay_s", "time[known] - delay_s"),
+    _mapping("mapped_time", "found[i].seconds - first", "found[i].seconds - np.nanmin(found[i].seconds)"),
+    _mapping("file_names", "return {**(found or {}), **given}", "return {**given, **(found or {})}"),
+    _mapping(
+        "file_units", "if not np.isclose(found.slope, 1.0, rtol=1e-6)", "if not np.isclose(found.slope, 1.0, rtol=1e6)"
+    ),
     _layers(
         'Scope("pump-type", pump_type),\n        Scope("operator", operator),',
         'Scope("operator", operator),\n        Scope("pump-type", pump_type),',

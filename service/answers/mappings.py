@@ -153,6 +153,40 @@ class RecognisedChannel(TypedDict):
 
 
 @shape
+class SuggestedChannel(TypedDict):
+    """What seems to be one of our channels."""
+
+    channel: str
+    """Name of ours."""
+    source: str | None
+    """Column of the file; null: none seems to be it."""
+    unit: str | None
+    """Unit that it seems to be in; null: ours already."""
+    certainty: float
+    """How certain (a share, 0 to 1): a person confirms what is below 0.8."""
+    because: list[str]
+    """Evidence, a sentence each."""
+    alternatives: list[str]
+    """Other columns that may be it."""
+
+
+@shape
+class MappingSuggestion(TypedDict):
+    """What a file seems to need; nothing is stored until a person does."""
+
+    mapping: dict[str, object]
+    """Body of `POST /mappings` but for its name: what is ready to be previewed and stored."""
+    channels: list[SuggestedChannel]
+    """Every channel of ours that the file seems to hold, and the required ones that it does not."""
+    could_not_tell: list[str]
+    """What a person has to say, a sentence each."""
+    looked_at: list[str]
+    """How the file is written, a sentence each."""
+    faults: list[ProblemError]
+    """Every fault that an upload through this mapping would name, metadata among them."""
+
+
+@shape
 class MappingStep(TypedDict):
     """What one part of a mapping did to a file."""
 

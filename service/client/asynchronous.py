@@ -14,6 +14,7 @@ from service.answers.fleet import FleetSummary
 from service.answers.history import Finding, MaintenanceEvent, PlaceInTime
 from service.answers.jobs import Job, JobItem, JobWithItems
 from service.answers.mappings import Mapping as ChannelMapping
+from service.answers.mappings import MappingSuggestion
 from service.answers.pumps import DamageIdentificationCurve, Forecast, Pump, PumpWithPlace, RankedPump, Trend
 from service.answers.records import Record, RecordSummary, Window
 from service.answers.registry import Aircraft, PumpType, PumpTypeSummary
@@ -65,8 +66,9 @@ class AsyncClient:
         wait: bool = True,
         metadata: Mapping[str, str] | None = None,
         mapping: str | None = None,
+        file_name: str | None = None,
     ) -> Record:
-        """Upload one record; where it stands then is the answer.
+        """Upload one record; where it stands then is the answer. A mapping may read metadata from ``file_name``.
 
         Raises
         ------
@@ -75,7 +77,7 @@ class AsyncClient:
         httpx2.HTTPError
             when the service cannot be reached.
         """
-        return await self.answer(calls.upload(content, content_type, wait, metadata, mapping))
+        return await self.answer(calls.upload(content, content_type, wait, metadata, mapping, file_name))
 
     async def upload_many(
         self, content: bytes, content_type: str = "application/zip", *, mapping: str | None = None
@@ -184,6 +186,20 @@ class AsyncClient:
     def mappings(self) -> AsyncIterator[ChannelMapping]:
         """All channel mappings."""
         return self.items(calls.mappings())
+
+    async def mapping(self, name: str, operator: str | None = None) -> ChannelMapping:
+        """The newest version of a channel mapping."""
+        return await self.answer(calls.mapping(name, operator))
+
+    async def store_mapping(self, body: calls.Body, operator: str | None = None) -> ChannelMapping:
+        """Store a channel mapping under a new name."""
+        return await self.answer(calls.store_mapping(body, operator))
+
+    async def suggest_mapping(
+        self, content: bytes, content_type: str = "text/csv", file_name: str | None = None
+    ) -> MappingSuggestion:
+        """What a file seems to need; nothing is stored."""
+        return await self.answer(calls.suggest_mapping(content, content_type, file_name))
 
     async def operating_points(self, body: calls.Body) -> OperatingPoints:
         """Steady states of the twin; the body is that of ``POST /twin/operating-point``."""

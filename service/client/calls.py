@@ -12,6 +12,7 @@ from service.answers.fleet import FleetSummary
 from service.answers.history import Finding, MaintenanceEvent, PlaceInTime
 from service.answers.jobs import Job, JobItem, JobWithItems
 from service.answers.mappings import Mapping as ChannelMapping
+from service.answers.mappings import MappingSuggestion
 from service.answers.pumps import DamageIdentificationCurve, Forecast, Pump, PumpWithPlace, RankedPump, Trend
 from service.answers.records import Record, RecordSummary, Window
 from service.answers.registry import Aircraft, PumpType, PumpTypeSummary
@@ -62,10 +63,15 @@ def _name(text: str) -> str:
 
 
 def upload(
-    content: bytes, content_type: str, wait: bool, metadata: Mapping[str, str] | None, mapping: str | None
+    content: bytes,
+    content_type: str,
+    wait: bool,
+    metadata: Mapping[str, str] | None,
+    mapping: str | None,
+    file_name: str | None = None,
 ) -> Call[Record]:
     """Upload one record."""
-    return Call("POST", "/records", upload_request(content, content_type, wait, metadata, mapping))
+    return Call("POST", "/records", upload_request(content, content_type, wait, metadata, mapping, file_name))
 
 
 def upload_many(content: bytes, content_type: str, mapping: str | None) -> Call[Job]:
@@ -199,6 +205,24 @@ def pump_type(name: str) -> Call[PumpType]:
 def mappings() -> PagedCall[ChannelMapping]:
     """All channel mappings."""
     return PagedCall("/mappings")
+
+
+def mapping(name: str, operator: str | None) -> Call[ChannelMapping]:
+    """The newest version of a channel mapping."""
+    return _get(f"/mappings/{_name(name)}", operator=operator)
+
+
+def store_mapping(body: Body, operator: str | None) -> Call[ChannelMapping]:
+    """Store a channel mapping under a new name."""
+    return Call("POST", "/mappings", {"json": dict(body), "params": _params({"operator": operator})})
+
+
+def suggest_mapping(content: bytes, content_type: str, file_name: str | None) -> Call[MappingSuggestion]:
+    """What a file seems to need."""
+    params = _params({"file_name": file_name})
+    return Call(
+        "POST", "/mappings/suggest", {"content": content, "params": params, "headers": {"Content-Type": content_type}}
+    )
 
 
 def operating_points(body: Body) -> Call[OperatingPoints]:

@@ -48,7 +48,12 @@ class Retries:
 
 
 def upload_request(
-    content: bytes, content_type: str, wait: bool, metadata: Mapping[str, str] | None, mapping: str | None
+    content: bytes,
+    content_type: str,
+    wait: bool,
+    metadata: Mapping[str, str] | None,
+    mapping: str | None,
+    file_name: str | None = None,
 ) -> dict[str, Any]:
     """Arguments of the request that uploads."""
     params = dict(metadata or {})
@@ -56,6 +61,8 @@ def upload_request(
         params["wait"] = "false"
     if mapping is not None:
         params["mapping"] = mapping
+    if file_name is not None:
+        params["file_name"] = file_name
     return {"content": content, "params": params, "headers": {"Content-Type": content_type}}
 
 

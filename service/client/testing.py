@@ -181,7 +181,9 @@ def _metadata(request: httpx2.Request) -> dict[str, str]:
         found = dict(_METADATA.findall(request.content.decode("utf-8", "replace")))
     elif kind.startswith("application/json"):
         found = {k: str(v) for k, v in json.loads(request.content).items() if k != "channels"}
-    return found | {k: v for k, v in request.url.params.items() if k not in ("wait", "supersedes", "mapping")}
+    return found | {
+        k: v for k, v in request.url.params.items() if k not in ("wait", "supersedes", "mapping", "file_name")
+    }
 
 
 def _page(items: list[Any]) -> httpx2.Response:

@@ -10,6 +10,18 @@ from service.command_line.administration import db_app, keys_app, users_app
 from service.command_line.analysed import analysed_pump, refusal, safe_name, show_pump, show_refusal
 from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
+from service.command_line.inbox import app as inbox
+from service.command_line.mapping import app as mapping_app
+from service.command_line.mapping_options import (
+    MappingOption,
+    Naming,
+    PatternOption,
+    SetOption,
+    local_mapping,
+    set_values,
+    stored_name,
+    told,
+)
 from service.command_line.studies import app as studies
 
 app = typer.Typer(
@@ -20,6 +32,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(studies)
+app.add_typer(mapping_app)
+app.add_typer(inbox)
 app.add_typer(keys_app, name="keys")
 app.add_typer(users_app, name="users")
 app.add_typer(db_app, name="db")
@@ -148,7 +162,9 @@ def upload(
     ],
     url: Url = "http://127.0.0.1:8000",
     key: Key = None,
-    mapping: Annotated[str | None, typer.Option(help="Name of the channel mapping that the files need")] = None,
+    mapping: MappingOption = None,
+    set_: SetOption = None,
+    name_pattern: PatternOption = None,
     json_: Json = False,
 ) -> None:
     """Upload flight records and print a result per file; started again, it goes on: what is known stays as it is.
@@ -162,8 +178,11 @@ def upload(
     from rich.progress import track  # noqa: PLC0415
 
     from service.client import Client, RefusedError  # noqa: PLC0415
+    from service.errors import Problem  # noqa: PLC0415
     from service.ingest.upload_files import content_type_of, files_of, passed_over  # noqa: PLC0415
 
+    values = set_values(set_)
+    naming = Naming(name_pattern, values)
     files, missing = files_of(places)
     others = passed_over(places)
     for path, why in others[:_MOST_PASSED_OVER]:
@@ -176,13 +195,24 @@ def upload(
     rows: list[dict[str, Any]] = []
     to = listener(json_)
     with Client(url, key) as client:
+        try:
+            named = stored_name(client, mapping, values.get("operator"))
+        except httpx2.HTTPError as error:
+            raise failure(f"{url} does not answer ({error}): is `casedrain serve` running?") from None
         for path in track(files, "uploading", console=complaints(), transient=True):
             try:
-                answer = client.upload(path.read_bytes(), content_type_of(path), mapping=mapping)
-            except RefusedError as error:
+                answer = client.upload(
+                    path.read_bytes(),
+                    content_type_of(path),
+                    metadata=naming.of(path),
+                    mapping=named,
+                    file_name=path.name if named else None,
+                )
+            except (RefusedError, Problem) as error:
                 n_refused += 1
-                rows.append({"file": str(path), "answer": None, "refusal": str(error)})
-                say(("refused", "red"), f"  {path}: {error}", to=to)
+                words = told(error) if isinstance(error, Problem) else str(error)
+                rows.append({"file": str(path), "answer": None, "refusal": words})
+                say(("refused", "red"), f"  {path}: {words}", to=to)
             except httpx2.HTTPError as error:
                 raise failure(f"{url} does not answer ({error}): is `casedrain serve` running?") from None
             else:
@@ -267,6 +297,9 @@ def analyse(
         str | None,
         typer.Option("--pump", help="Pump type instead of the files' own: a name, or a .toml or .json file"),
     ] = None,
+    mapping: MappingOption = None,
+    set_: SetOption = None,
+    name_pattern: PatternOption = None,
     json_: Json = False,
 ) -> None:
     """Analyse files without a server: windows, verdict and picture per pump.
@@ -289,7 +322,9 @@ def analyse(
         kind = named_or_written(instead) if instead else None
     except ValueError as error:
         raise failure(f"--pump {error}", 2) from None
-    found = analyse_files(files, limits, {"pump_serial": serial} if serial else {}, kind)
+    values = ({"pump_serial": serial} if serial else {}) | set_values(set_)
+    naming = Naming(name_pattern, values)
+    found = analyse_files(files, limits, naming.of, kind, local_mapping(mapping, settings, values.get("operator")))
     to = listener(json_)
     for path, problem in found.refused:
         show_refusal(path, problem, to)

@@ -5,10 +5,12 @@ import stat
 import zipfile
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import IO
+
+import numpy as np
 
 from service.errors import Fault, Invalid, Problem, TooLarge, Undecodable, UnknownType
 from service.ingest.file_formats import ANY_TYPE, SUFFIXES, by_suffix
@@ -18,6 +20,10 @@ NDJSON_TYPES = ("application/x-ndjson", "application/ndjson", "application/jsonl
 MOST_MEMBERS = 100_000
 _CHUNK = 1 << 20
 _ZIP_MAGIC = (b"PK\x03\x04", b"PK\x05\x06")
+_ENTRY, _ZIP64_END = b"PK\x01\x02", b"PK\x06\x07"
+_SHORTEST_ENTRY, _LOCAL_HEADER, _MOST_OF_AN_END = 46, 30, 65_557
+"""Bytes of an entry in the directory and of one before its data, without names, and of the directory's end with a remark."""
+_LINE_END = 10
 _ARCHIVES = (".zip", ".tar", ".tgz", ".7z", ".rar", ".xz", ".bz2", ".zst")
 _ARCHIVE_MAGIC = (b"PK\x03\x04", b"7z\xbc\xaf\x27\x1c", b"Rar!\x1a\x07", b"\xfd7zXZ\x00", b"BZh")
 
@@ -110,12 +116,14 @@ def opened_archive(path: Path, kind: str, most_bytes: int) -> Archive:
 class _Zip(Archive):
     def __init__(self, path: Path, most_bytes: int) -> None:
         self._most_bytes = most_bytes
+        _check_directory(path)
         try:
             self._file = zipfile.ZipFile(path)
         except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
             raise Undecodable("the ZIP file is damaged", [Fault("body", str(error)[:200])]) from None
         self._members = [m for m in self._file.infolist() if not m.is_dir()]
         self._repeated = {name for name, n in Counter(m.filename for m in self._members).items() if n > 1}
+        self._overlapping = _overlapping(self._file.infolist())
 
     def __len__(self) -> int:
         return len(self._members)
@@ -128,6 +136,8 @@ class _Zip(Archive):
         fault = _name_fault(info.filename)
         if fault is None and info.filename in self._repeated:
             fault = "stands in the archive more than once"
+        if fault is None and info.header_offset in self._overlapping:
+            fault = "shares its bytes with another member"
         if fault is None and info.flag_bits & 0x1:
             fault = "is encrypted"
         if fault is None and stat.S_ISLNK(info.external_attr >> 16):
@@ -160,6 +170,47 @@ class _Zip(Archive):
         self._file.close()
 
 
+def _check_directory(path: Path) -> None:
+    """Refuse a directory of too many members by its bytes, before any of them becomes an object.
+
+    Raises
+    ------
+    TooLarge
+        naming the limit.
+    """
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(max(0, size - _MOST_OF_AN_END))
+        tail = file.read()
+        end = tail.rfind(_ZIP_MAGIC[1])
+        if end < 0:
+            return  # the library says what is wrong
+        # with more than 65,535 members the number stands elsewhere, and nobody holds it true: signatures are counted
+        of_directory = int.from_bytes(tail[end + 12 : end + 16], "little")
+        if of_directory < _SHORTEST_ENTRY * MOST_MEMBERS and _ZIP64_END not in tail:
+            return
+        file.seek(0)
+        n_entries = 0
+        rest = b""
+        while part := file.read(_CHUNK):
+            n_entries += (rest + part).count(_ENTRY)
+            rest = part[-len(_ENTRY) + 1 :]
+            if n_entries > MOST_MEMBERS:
+                raise TooLarge(f"the upload holds more than {MOST_MEMBERS} members: split it")
+
+
+def _overlapping(members: Sequence[zipfile.ZipInfo]) -> set[int]:
+    """Places of members whose bytes are, in part, another's: a small file could so hold any number of large records."""
+    found: set[int] = set()
+    last, end = -1, 0
+    for member in sorted(members, key=lambda m: (m.header_offset, m.compress_size)):
+        if last >= 0 and member.header_offset < end:
+            found |= {last, member.header_offset}
+        if member.header_offset + _LOCAL_HEADER + member.compress_size >= end:
+            last, end = member.header_offset, member.header_offset + _LOCAL_HEADER + member.compress_size
+    return found
+
+
 class _Lines(Archive):
     """NDJSON: one JSON record a line; empty lines do not count."""
 
@@ -174,15 +225,25 @@ class _Lines(Archive):
         start = place = 0
         number, is_blank = 1, True
         while part := self._file.read(_CHUNK):
-            for piece in re.findall(rb"[^\n]*\n|[^\n]+", part):
-                place += len(piece)
-                is_blank = is_blank and not piece.strip()
-                if piece.endswith(b"\n"):
-                    if not is_blank:
-                        self._places.append((number, start, place - start))
-                    number, start, is_blank = number + 1, place, True
+            ends = np.flatnonzero(np.frombuffer(part, np.uint8) == _LINE_END)
+            if not part.strip() and is_blank and len(ends):  # a gigabyte of blank lines costs no more than its reading
+                number, start, place = number + len(ends), place + int(ends[-1]) + 1, place + len(part)
+                continue
+            begin = 0
+            for end in ends.tolist():
+                if not (is_blank and not part[begin:end].strip()):
+                    self._note(number, start, place + end + 1 - start)
+                number, start, is_blank, begin = number + 1, place + end + 1, True, end + 1
+            is_blank = is_blank and not part[begin:].strip()
+            place += len(part)
         if not is_blank:
-            self._places.append((number, start, place - start))
+            self._note(number, start, place - start)
+
+    def _note(self, number: int, start: int, length: int) -> None:
+        self._places.append((number, start, length))
+        if len(self._places) > MOST_MEMBERS:
+            self.close()
+            raise TooLarge(f"the upload holds more than {MOST_MEMBERS} lines: split it")
 
     def __len__(self) -> int:
         return len(self._places)

@@ -31,15 +31,17 @@ class CsvRule(Body):
     units_row: Line | None = Field(default=None, description="Line whose cells are the columns' units")
     skip_rows: tuple[Line, ...] = Field(default=(), max_length=1000, description="Lines that say nothing")
     comment: str = Field(default="#", max_length=5, description="What a comment begins with; empty: nothing does")
-    footer_rows: int = Field(default=0, ge=0, le=1000, description="Lines at the end that are no samples")
+    footer_rows: int = Field(
+        default=0, ge=0, le=1000, description="Lines at the end that are no samples, blank ones not counted"
+    )
     missing: tuple[Word, ...] = Field(default=(), max_length=50, description="Words for a missing sample, as in -9999")
 
     @model_validator(mode="after")
     def _tells_apart(self) -> "CsvRule":
         if self.delimiter == self.decimal:
             raise ValueError("fields and decimals cannot both be separated by a comma")
-        if self.thousands and self.thousands in (self.delimiter, self.decimal):
-            raise ValueError("the mark of thousands is that of fields or decimals as well")
+        if self.thousands and self.thousands == self.decimal:
+            raise ValueError("the mark of thousands is that of decimals as well")
         if self.no_header and self.header_row is not None:
             raise ValueError("there is either no header or a line of it")
         if self.units_row is not None and self.units_row == self.header_row:

@@ -9,6 +9,7 @@ import numpy as np
 
 from service.errors import Fault
 from service.ingest.conversion import Conversion
+from service.ingest.csv_words import Words, numbers_of
 from service.ingest.file_units import in_own_units, unit_of_file
 from service.ingest.formulas import Formula
 from service.ingest.mapped_time import with_time
@@ -44,9 +45,10 @@ def mapped(file: RawFile, mapping: ChannelMapping, account: Account | None = Non
     faults, references = list(file.faults), dict(file.references)
     rules = _usable(file, mapping, faults)
     tables = []
+    words = Words.of(mapping.dialect) if mapping.dialect else None
     for table in file.tables:
         own = [rule for rule in rules if rule.source in _held(table) and _is_of(rule, table)]
-        tables.append(_renamed(table, own, rules, faults, references, account))
+        tables.append(_renamed(table, own, rules, faults, references, words, account))
     for rule in mapping.channels:
         if rule.source is None and rule.reference is not None:
             references[rule.channel] = rule.reference
@@ -140,6 +142,7 @@ def _renamed(
     rules: Sequence[ChannelRule],
     faults: list[Fault],
     references: dict[str, str],
+    words: Words | None,
     account: Account,
 ) -> Table:
     """One table with its channels under our names and in our units."""
@@ -151,8 +154,11 @@ def _renamed(
     times, units = dict(kept.times), dict(kept.units)
     for rule in own:
         source = str(rule.source)
-        samples = table.channels.get(source)
-        samples = _numbers(source, table.texts[source], faults) if samples is None else np.asarray(samples)
+        if source in table.channels:
+            samples = np.asarray(table.channels[source])
+        else:
+            samples, bad = numbers_of(source, table.texts[source], words)
+            faults += bad
         found, word = _conversion(table, rule, faults)
         channels[rule.channel] = found.applied(samples * rule.scale + rule.offset)
         reference = rule.pressure_reference or found.reference
@@ -196,21 +202,6 @@ def _said(rule: ChannelRule, unit: str | None, reference: str | None, samples: S
     scaled = f", times {rule.scale:g} plus {rule.offset:g}" if (rule.scale, rule.offset) != (1.0, 0.0) else ""
     words = f"from {rule.origin}{scaled}{f' in {unit}' if unit else ''}{f', {reference}' if reference else ''}"
     return f"{words}: {len(samples)} samples{missing}{spans}"
-
-
-def _numbers(name: str, cells: Sequence[str | None], faults: list[Fault]) -> Samples:
-    """A text column as numbers, as the mapping says that it is a channel."""
-    samples = np.full(len(cells), np.nan)
-    bad = []
-    for i, cell in enumerate(cells):
-        try:
-            samples[i] = np.nan if cell is None else float(cell)
-        except ValueError:
-            bad.append(i)
-    if bad:
-        first = f"{str(cells[bad[0]])[:40]!r} at sample {bad[0]}"
-        faults.append(Fault(f"channels.{name}", f"holds {len(bad)} cells that are no numbers, the first is {first}"))
-    return samples
 
 
 def _from_start(tables: Sequence[Table]) -> tuple[Table, ...]:

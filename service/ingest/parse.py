@@ -1,6 +1,7 @@
 """From bytes to columns: the adapter of a content type, found by name or by first bytes, behind bounded inflation."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import ModuleType
 
 from service.errors import Fault, Problem, TooLarge, Undecodable, UnknownType
@@ -76,13 +77,27 @@ def parsed(
     zipped = kind in GZIP.content_types or encoding in ("gzip", "x-gzip")
     if zipped and not GZIP.begins(content):
         raise Undecodable("the body is said to be gzip and is not", [Fault("body", "no gzip mark at its start")])
+    is_cut = False
     if zipped or (kind == ANY_TYPE and GZIP.begins(content)):
-        content = inflated(content, limits.inflated_bytes)
-        if not content.strip():
+        content, is_cut = inflated(content, limits.inflated_bytes)
+        if not content or content.isspace():
             raise Undecodable("the gzip file is empty", [Fault("body", "is empty")])
     named = next((f for f in FORMATS if kind in f.content_types), None)
     refuse_foreign(content, named)
-    return _read(named or next(f for f in FORMATS if f.begins(content)), content, limits, dialect or TextDialect())
+    named = named or next(f for f in FORMATS if f.begins(content))
+    if not is_cut:
+        return _read(named, content, limits, dialect or TextDialect())
+    return _whole_lines(named, content, limits, dialect or TextDialect())
+
+
+def _whole_lines(named: FileFormat, content: bytes, limits: Limits, dialect: TextDialect) -> RawFile:
+    """What a stream that was cut still holds: of a text table the lines that are whole."""
+    fault = Fault("body", f"the gzip stream ends after {len(content)} inflated bytes without its end mark")
+    whole = content[: content.rfind(b"\n") + 1]
+    if named is not CSV or not whole:
+        raise Undecodable("the gzip data is cut short: upload the whole file", [fault])
+    file = _read(named, whole, limits, dialect)
+    return replace(file, flags=["the gzip stream is cut: its whole lines are kept", *file.flags])
 
 
 def _names(content_type: str, content_encoding: str) -> tuple[str, str]:

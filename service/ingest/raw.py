@@ -31,6 +31,9 @@ METADATA = (
 )
 """Metadata that mean something; any other is kept with the record."""
 MOST_FAULTS_OF_A_KIND = 5
+MOST_COLUMNS = 10_000
+"""A recorder has hundreds; what holds more costs time by its names alone."""
+MOST_METADATA = 1_000
 _BYTES_PER_SAMPLE = 8
 
 
@@ -195,6 +198,8 @@ def check_size(n_rows: int, n_channels: int, limits: Limits) -> None:
     """
     if n_rows > limits.rows:
         raise TooLarge(f"the file has {n_rows} rows, more than {limits.rows}: split the record into segments")
+    if n_channels > MOST_COLUMNS:
+        raise TooLarge(f"the file has {n_channels} columns, more than {MOST_COLUMNS}: leave out channels")
     if n_rows * n_channels * _BYTES_PER_SAMPLE > limits.inflated_bytes:
         raise TooLarge(
             f"{n_rows} rows of {n_channels} channels inflate to more than {limits.inflated_bytes} bytes: "

@@ -35,7 +35,7 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
     _limit_memory(request["memory_bytes"])
     try:
         content = Path(request["path"]).read_bytes()
-        dialect = TextDialect(**request["dialect"]) if request["dialect"] else None
+        dialect = _dialect(request["dialect"])
         raw = parsed(content, request["content_type"], request["content_encoding"], limits, dialect)
         return _handed_over(raw, Path(request["output"]))
     except Problem as problem:
@@ -43,6 +43,13 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
     except MemoryError:
         error = TooLarge("memory")
         return {"problem": type(error).__name__, "memory": True}
+
+
+def _dialect(request: dict[str, Any] | None) -> TextDialect | None:
+    if request is None:
+        return None
+    fields: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in request.items()}
+    return TextDialect(**fields)
 
 
 def _limit_memory(allowed: int) -> None:

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from service.errors import Problem
 from service.ingest.archive import Archive, opened_archive
+from service.ingest.file_names import named_by
 from service.ingest.mapping_version import MappingVersion
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.monitoring.acceptance import Upload
@@ -52,7 +53,8 @@ class BulkImport(Kind[BulkImportParameters, Archive]):
         try:
             member = archive.member(position)
             with context.spool.of_parts(archive.parts(position)) as file:
-                upload = Upload(file, member.content_type, "", parameters.overrides, mapping=mapping)
+                overrides = named_by(mapping.mapping.name_pattern if mapping else None, name, parameters.overrides)
+                upload = Upload(file, member.content_type, "", overrides, mapping=mapping)
                 accepted = context.acceptance.accept(upload, work.principal)
         except Problem as problem:
             if problem.status >= HTTPStatus.INTERNAL_SERVER_ERROR:  # ours, not the fault of the member

@@ -1,7 +1,7 @@
 """From files to a verdict without a server or a database: the same ingest, the same fold."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from pathlib import Path
@@ -23,6 +23,8 @@ from service.history.setting import DEFAULT_CIRCUIT
 from service.history.traits import Traits, traits_of, without_evidence
 from service.identity import software
 from service.ingest.decode import DEFAULT_PUMP_TYPE, Limits, decode
+from service.ingest.file_names import named_by
+from service.ingest.mapping import ChannelMapping
 from service.ingest.metadata import RecordMetadata, TypeLookup, built_in
 from service.ingest.upload_files import content_type_of
 from service.reading.forecast import crossed
@@ -64,11 +66,24 @@ class OfflineAnalysis:
 
 
 def analyse_files(
-    paths: Sequence[Path], limits: Limits, overrides: dict[str, Any] | None = None, instead: PumpType | None = None
+    paths: Sequence[Path],
+    limits: Limits,
+    named: Callable[[Path], Mapping[str, Any]] | None = None,
+    instead: PumpType | None = None,
+    mapping: ChannelMapping | None = None,
 ) -> OfflineAnalysis:
     """Analyse files of any number of pumps; a bad file costs its neighbours nothing.
 
-    ``instead`` is the pump type that all are judged by, whatever they name.
+    Parameters
+    ----------
+    paths, limits
+        Files, and how much each may hold.
+    named
+        Metadata of a file that win over its own; it may raise a ``Problem``.
+    instead
+        Pump type that all are judged by, whatever they name.
+    mapping
+        Channel mapping that the files need.
     """
     types: TypeLookup = built_in if instead is None else lambda _operator, _name: instead
     circuit = circuit_parameters(DEFAULT_CIRCUIT)
@@ -77,7 +92,9 @@ def analyse_files(
     for path in paths:
         content = path.read_bytes()
         try:
-            decoded = decode(content, content_type_of(path), "", overrides or {}, limits, types=types)
+            given = {} if named is None else {name: str(value) for name, value in named(path).items()}
+            overrides = named_by(mapping.name_pattern if mapping else None, path.name, given)
+            decoded = decode(content, content_type_of(path), "", overrides, limits, mapping=mapping, types=types)
         except Problem as problem:
             refused.append((path, problem))
             continue

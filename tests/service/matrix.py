@@ -164,6 +164,9 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("PUT", f"{API}/mappings/{{name}}"): Entry(
         "analyst", f"{API}/mappings/{{mapping}}", True, _MAPPING, headers={"If-Match": '"1"'}
     ),
+    ("POST", f"{API}/mappings/suggest"): Entry(
+        "viewer", f"{API}/mappings/suggest?position=LH", False, content=record_body(), headers=_JSON
+    ),
     ("POST", f"{API}/mappings/preview"): Entry(
         "viewer", f"{API}/mappings/preview?mapping={{mapping}}&rows=2", True, content=record_body(), headers=_JSON
     ),

@@ -104,7 +104,7 @@ def test_utf_16_is_told_what_to_do() -> None:
 
 
 def test_semicolons_are_told_what_to_do() -> None:
-    status, found = faults(csv_of("time_s;case_pressure_bar\n0;0,9\n1;0,9\n"))
+    status, found = faults(csv_of("Zeit;Druck\n0;0,9\n1;0,9\n"))
     assert status == 400
     assert found == {"line 6": "is separated by semicolons, not by commas"}
 

@@ -398,7 +398,7 @@ def test_a_document_keeps_all_that_it_says() -> None:
         ({"file_name": "{colour}"}, "cannot be read from a file's name"),
         ({"file_name": "{operator}"}, "cannot be read from a file's name"),
         ({"constants": {"operator": "x"}}, "operator cannot be a constant"),
-        ({"csv": {"delimiter": ",", "thousands": ","}}, "mark of thousands"),
+        ({"csv": {"delimiter": ";", "decimal": ",", "thousands": ","}}, "mark of thousands"),
         ({"csv": {"no_header": True, "header_row": 2}}, "no header or a line"),
     ],
 )

@@ -86,6 +86,7 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("POST", "/mappings"): (409,),
     ("PUT", "/mappings/{name}"): (409, 412, 428),
     ("POST", "/mappings/preview"): (400, 404, 413, 415),
+    ("POST", "/mappings/suggest"): (400, 413, 415),
     ("POST", "/jobs"): (404,),
     ("POST", "/jobs/{job_id}/cancel"): (409,),
     ("GET", "/jobs/{job_id}/result"): (409, 503),

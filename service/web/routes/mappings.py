@@ -1,32 +1,35 @@
 """Channel mappings: an operator's exports uploaded as they are."""
 
 import json
-from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Header, Query, Request, Response
 from pydantic import ConfigDict, Field, ValidationError
 from starlette.concurrency import run_in_threadpool
-from starlette.datastructures import UploadFile
 
 from service.access import audit
 from service.access.security import Principal
-from service.answers.mappings import Mapping, MappingPreview
+from service.answers.mappings import Mapping, MappingPreview, MappingSuggestion
+from service.answers.problems import ProblemError
 from service.answers.words import Page, instant
 from service.context import Context
-from service.errors import Conflict, Fault, Invalid, NotFound, PreconditionRequired, StaleVersion, TooLarge
+from service.errors import Conflict, Fault, Invalid, NotFound, PreconditionRequired, StaleVersion
 from service.ingest.file_formats import ANY_TYPE
+from service.ingest.file_names import named_by
 from service.ingest.mapping import ChannelMapping
 from service.ingest.mappings import append_version, latest_mapping, mapping_version, mappings
 from service.ingest.preview import preview
+from service.ingest.raw import RawFile, TextDialect
+from service.ingest.suggesting import proposed
 from service.storage.tables import StoredMapping
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+from service.web.routes.records import METADATA_PARAMETERS, overrides_of
+from service.web.sent_file import FileName, SentFile, sent_file
 
 router = APIRouter(prefix="/mappings", tags=["mappings"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="Whose mapping; default: the key's operator")]
-_FORM_OVERHEAD = 2**20 + 2**16
 _EXAMPLE: dict[str, Any] = {
     "description": "export of the maintenance computer",
     "aircraft_type": "H225",
@@ -157,39 +160,60 @@ async def previewed(
     mapping: Annotated[str | None, Query(description="Name of a stored mapping")] = None,
     operator: Operator = None,
     rows: Annotated[int, Query(ge=0, le=100)] = 10,
+    file_name: FileName = None,
 ) -> MappingPreview:
-    """Recognised and unrecognised channels, metadata, first rows and every fault; nothing is stored.
+    """What each part did, recognised and unrecognised channels, metadata, first rows and every fault; nothing is stored.
 
     The file is the body with ``?mapping=name``, or a form's part ``file`` beside a part ``mapping``.
     """
     owner = asker.operator_of(operator)
-    limit = context.settings.max_upload_bytes
-    if not request.headers.get("content-type", "").lower().startswith("multipart/form-data"):
-        kind, encoding = request.headers.get("content-type", ANY_TYPE), request.headers.get("content-encoding", "")
-        chosen = await run_in_threadpool(_chosen, context, owner, mapping)
-        declared = request.headers.get("content-length", "")
-        async with context.spool.received(request.stream(), declared, limit) as file:
-            return await run_in_threadpool(_preview, context, file.path, kind, encoding, chosen, rows)
-    declared = request.headers.get("content-length", "")
-    # the form's parser has no bound of its own
-    if not declared.isdigit():
-        raise Invalid("a form needs its length", [Fault("content-length", "is missing")])
-    if int(declared) > limit + _FORM_OVERHEAD:
-        raise TooLarge(f"the form is larger than {limit} bytes")
-    async with request.form(max_files=1, max_fields=1, max_part_size=2**20) as form:
-        part, words = form.get("file"), form.get("mapping", mapping)
-        if not isinstance(part, UploadFile) or isinstance(words, UploadFile):
-            raise Invalid("the form needs a file", [Fault("file", "is missing, or the mapping is sent as a file")])
+    async with sent_file(request, context, file_name) as sent:
+        words = mapping if sent.mapping is None else sent.mapping
         chosen = await run_in_threadpool(_chosen, context, owner, words)
-        async with context.spool.received(_parts(part), str(part.size or ""), limit) as file:
-            return await run_in_threadpool(
-                _preview, context, file.path, part.content_type or ANY_TYPE, "", chosen, rows
-            )
+        return await run_in_threadpool(_preview, context, sent, chosen, rows)
 
 
-async def _parts(part: UploadFile) -> Any:
-    while piece := await part.read(1 << 20):
-        yield piece
+@router.post(
+    "/suggest",
+    summary="A channel mapping that a file seems to need",
+    openapi_extra={
+        "parameters": METADATA_PARAMETERS,
+        "requestBody": {
+            "required": True,
+            "content": {
+                "multipart/form-data": {
+                    "schema": {
+                        "type": "object",
+                        "required": ["file"],
+                        "properties": {"file": {"type": "string", "format": "binary"}},
+                    }
+                },
+                ANY_TYPE: {},
+            },
+        },
+    },
+)
+async def suggested(
+    request: Request,
+    context: ContextOf,
+    asker: Asker,
+    file_name: FileName = None,
+) -> MappingSuggestion:
+    """Look at a file and propose a mapping, with its certainty and what it could not tell; nothing is stored.
+
+    What the upload would say as well (`pump_serial` …) may stand in the query. Preview the mapping, complete it, store it.
+    """
+    named = overrides_of(request)
+    asker.operator_of(named.get("operator"))
+    async with sent_file(request, context, file_name) as sent:
+        return await run_in_threadpool(_suggestion, context, sent, named)
+
+
+def _suggestion(context: Context, sent: SentFile, named: dict[str, str]) -> MappingSuggestion:
+    def read(dialect: TextDialect | None) -> RawFile:
+        return context.parser.parsed(sent.path, sent.kind, sent.encoding, context.limits, dialect)
+
+    return proposed(sent.path, sent.kind, sent.encoding, read, named)
 
 
 def _chosen(context: Context, operator: str, words: str | None) -> ChannelMapping | None:
@@ -210,12 +234,22 @@ def _chosen(context: Context, operator: str, words: str | None) -> ChannelMappin
         raise Invalid(f"the mapping has {len(faults)} fault(s)", faults) from None
 
 
-def _preview(
-    context: Context, path: Path, kind: str, encoding: str, mapping: ChannelMapping | None, n_rows: int
-) -> MappingPreview:
+def _preview(context: Context, sent: SentFile, mapping: ChannelMapping | None, n_rows: int) -> MappingPreview:
     dialect = mapping.dialect if mapping else None
-    raw = context.parser.parsed(path, kind, encoding, context.limits, dialect)
-    return preview(raw, mapping, n_rows)
+    raw = context.parser.parsed(sent.path, sent.kind, sent.encoding, context.limits, dialect)
+    pattern = mapping.name_pattern if mapping else None
+    named: dict[str, str] = {}
+    faults: list[ProblemError] = []
+    try:
+        named = named_by(pattern, sent.name, {})
+    except Invalid as problem:
+        faults = [{"where": f.where, "problem": f.problem} for f in problem.errors]
+    shown = preview(raw, mapping, n_rows, named)
+    if pattern is not None and named:
+        found = ", ".join(f"{name} is {value}" for name, value in named.items())
+        shown["steps"].append({"part": "file_name", "did": f"from {sent.name}: {found}"})
+    shown["faults"] = [*faults, *shown["faults"]]
+    return shown
 
 
 def _appended(

@@ -13,6 +13,7 @@ from service.context import Context
 from service.errors import Fault, Invalid
 from service.identity import release_of
 from service.ingest.file_formats import CONTENT_TYPES
+from service.ingest.file_names import named_by
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.mappings import mapping_version
 from service.ingest.metadata import KNOWN
@@ -24,6 +25,7 @@ from service.storage.tables import ANALYSED, Record
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
+from service.web.sent_file import FileName, file_name_of
 
 router = APIRouter(prefix="/records", tags=["records"], route_class=AnswerRoute)
 METADATA_PARAMETERS = [
@@ -61,11 +63,13 @@ async def upload(
     wait: Annotated[bool, Query(description="Answer after the analysis")] = True,
     supersedes: Annotated[str | None, Query(description="Id of the record that this one replaces")] = None,
     mapping: Annotated[str | None, Query(description="Name of the channel mapping that the file needs")] = None,
+    file_name: FileName = None,
 ) -> answers.Record:
     """Take the body as one record; metadata may come as query parameters and win over those of the file."""
     asker.require("analyst")
     overrides = overrides_of(request)
     named = await run_in_threadpool(mapping_of, context, asker, overrides, mapping)
+    overrides = named_by(named.mapping.name_pattern if named else None, file_name_of(request, file_name), overrides)
     declared = request.headers.get("content-length", "")
     async with context.spool.received(request.stream(), declared, context.settings.max_upload_bytes) as file:
         new = Upload(

@@ -1,0 +1,1 @@
+"""An inbox: a folder or store whose flight records are sent once each, whatever happens in between."""
