@@ -53,16 +53,9 @@ def pump_scopes(operator: str, serial: str, pump_type: str) -> tuple[Scope, ...]
     )
 
 
-def latest(
-    session: Session, scope: Scope, known_at: datetime | None = None, up_to: int | None = None
-) -> ThresholdVersion | None:
-    """Newest version of one layer, of those that were known at an instant and of those up to a number."""
-    query = select(ThresholdVersion).where(*_is(scope))
-    if known_at is not None:
-        query = query.where(ThresholdVersion.created_at <= known_at)
-    if up_to is not None:
-        query = query.where(ThresholdVersion.number <= up_to)
-    return session.scalar(query.order_by(ThresholdVersion.number.desc()).limit(1))
+def latest(session: Session, scope: Scope) -> ThresholdVersion | None:
+    """Newest version of one layer."""
+    return _newest_of(session, (scope,), None, None).get(scope)
 
 
 def versions(session: Session, scope: Scope) -> list[ThresholdVersion]:
