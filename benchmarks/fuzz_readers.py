@@ -179,8 +179,9 @@ def fuzzed(n: int, first: int = 0) -> dict[str, Any]:
             if process.returncode == 0:
                 break
             number = int(Path(place.name).read_bytes())
+            kind = input_of(number, seeds())[0]
             remarkable.append(
-                {"number": number, "kind": "", "what": why or f"ended the process ({process.returncode})"}
+                {"number": number, "kind": kind, "what": why or f"ended the process ({process.returncode})"}
             )
             at = number + 1
     return {
