@@ -18,7 +18,7 @@ from service.web.api_document.document import openapi_document
 from service.web.app import create_app
 from tests.service.bursts import burst_document
 from tests.service.guarded import guarded_client, key
-from tests.service.matrix import API, ENDING, MATRIX, OPEN, PAGE, entered, sent
+from tests.service.matrix import API, ENDING, MARK, MATRIX, OPEN, PAGE, entered, sent
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = ROOT / "docs" / "openapi.json"
@@ -49,8 +49,8 @@ def recorded() -> dict[str, Any]:
     ):
         admin = key(client, "admin", "north", owner="head of north")
         names = _flown(client, worn, admin) | _administered(client, admin, worn.serial)
-        # what ends things comes last
-        for method, path in sorted(MATRIX, key=lambda r: (r == ENDING, _ends(r), r)):
+        # what ends things comes last, and a part before the whole
+        for method, path in sorted(MATRIX, key=lambda r: (r == ENDING, _ends(r), -r[1].count("/") * _ends(r), r)):
             entry = MATRIX[method, path]
             # what a job leaves is a document of its kind, no answer of the API
             if path.endswith("/result"):
@@ -81,6 +81,8 @@ def _flown(client: TestClient, worn: Any, admin: dict[str, str]) -> dict[str, st
         if answer.status_code != 201:
             raise RuntimeError(answer.text)
     entries = entered(client, admin, worn.serial, "F-HCAZ")
+    marks = f"{API}/records/{answer.json()['record_id']}/marks"
+    entries["mark"] = client.post(marks, json=MARK, headers=admin).json()["id"]
     alarms = client.get(f"{API}/alarms", params={"pump": worn.serial}, headers=admin).json()["items"]
     burst = client.post(f"{API}/records", json=burst_document(), headers=admin).json()["record_id"]
     return {

@@ -27,10 +27,10 @@ import scipy.stats  # noqa: F401
 import sqlalchemy.orm  # noqa: F401
 import structlog  # noqa: F401
 
-from benchmarks.mutants import judge, physics, service
+from benchmarks.mutants import judge, physics, quality, service
 from benchmarks.mutants.catalogue import ROOT, Mutant, faults, file_of
 
-MUTANTS: tuple[Mutant, ...] = (*physics.MUTANTS, *judge.MUTANTS, *service.MUTANTS)
+MUTANTS: tuple[Mutant, ...] = (*physics.MUTANTS, *judge.MUTANTS, *service.MUTANTS, *quality.MUTANTS)
 RESULTS = ROOT / "benchmarks" / "results" / "mutants.json"
 TARGET = 0.95
 LIMIT_S = 300.0

@@ -2,7 +2,8 @@
 
 from benchmarks.mutants.catalogue import Mutant
 
-_WINDOWS, _STATISTICS = ("tests.detectors.test_windows",), ("tests.detectors.test_statistics_referee",)
+_BY_TIME = "tests.detectors.test_windows_by_time"
+_WINDOWS, _STATISTICS = ("tests.detectors.test_windows", _BY_TIME), ("tests.detectors.test_statistics_referee",)
 _STEPS = ("tests.detectors.test_load_steps",)
 _ASSESSMENT, _ISOLATION = ("tests.detectors.test_assessment",), ("tests.detectors.test_isolation",)
 _EVENTS, _MEMORY = ("tests.detectors.test_events",), ("tests.detectors.test_memory",)
@@ -36,8 +37,12 @@ MUTANTS: tuple[Mutant, ...] = (
     _reduction("detectors.reduction.windows", "if drift > limit:", "if drift > 2.0 * limit:"),
     _reduction("detectors.words.numbers", "MOST_MISSING = 0.2", "MOST_MISSING = 1.0"),
     _reduction("detectors.reduction.windows", "zero & known & ~flowing", "zero & ~flowing"),
-    _reduction("detectors.reduction.windows", "quiet &= ~(activity > ", "quiet &= (activity >= 0.0) | ~(activity > "),
+    _reduction("detectors.reduction.windows", "quiet = ~(activity > ", "quiet = (activity >= 0.0) | ~(activity > "),
     _reduction("detectors.reduction.windows", "- held) > step", "- held) > 100.0 * step"),
+    _reduction("detectors.reduction.conditioning", "_GAP_IN_STEPS = 1.5", "_GAP_IN_STEPS = 15.0"),
+    _reduction("detectors.reduction.conditioning", '"shaft_speed_rpm": 10.0', '"shaft_speed_rpm": 1.0'),
+    _reduction("detectors.reduction.conditioning", "in_long_gaps > MOST_MISSING * whole or ", ""),
+    _reduction("detectors.reduction.zero", "settles=has_run and not part", "settles=first > 0 and not part"),
     _reduction("detectors.reduction.zero", "SETTLING_AFTER_SHUTDOWN_S = 30.0", "SETTLING_AFTER_SHUTDOWN_S = 0.0"),
     _reduction("detectors.reduction.zero", "abs(b.mean - a.mean), 0.01 *", "abs(b.mean - a.mean), 1.0 *"),
     _reduction("detectors.reduction.zero", "UNMEASURED_RESERVOIR_SD_BAR = 0.10", "UNMEASURED_RESERVOIR_SD_BAR = 0.01"),

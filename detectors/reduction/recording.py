@@ -1,29 +1,41 @@
 """Reduce a recording to what the analysis keeps: the zero, the windows, the spectrum of what is sampled fast, the droop."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from detectors.reduction.behaviour import behaviours
+from detectors.reduction.conditioning import conditioned
 from detectors.reduction.load_steps import droop_from_rest
+from detectors.reduction.marks import remarks, with_good, without_bad
 from detectors.reduction.spectrum import spectrum
-from detectors.reduction.windows import LOWEST_SPEED_FRACTION, steady_windows, unchanging_channels
+from detectors.reduction.windows import LOWEST_SPEED_FRACTION, marked_windows, steady_windows, unchanging_channels
 from detectors.reduction.zero import pump_off_zero
 from detectors.words.numbers import LOWEST_PRESSURE_SHARE
-from detectors.words.observation import Reduction, Window, WindowKind
+from detectors.words.observation import Mark, Reduction, Window, WindowKind
 from detectors.words.signature import Spectrum
 from twin.parameters import PumpType
 from twin.recording import Recording
 
 
-def reduce_recording(recording: Recording, pump: PumpType, thresholds: Mapping[str, float]) -> Reduction:
-    """Zero, windows, spectrum and droop of one recording; says in a sentence why it adds nothing when no window was accepted."""
-    zero, off = pump_off_zero(recording, pump, thresholds)
-    windows = tuple(sorted((*off, *steady_windows(recording, pump, thresholds)), key=lambda w: w.start_s))
-    flags = [*recording.flags]
+def reduce_recording(
+    recording: Recording, pump: PumpType, thresholds: Mapping[str, float], marks: Sequence[Mark] = ()
+) -> Reduction:
+    """Zero, windows, spectrum and droop of one recording; says in a sentence why it adds nothing when no window was accepted.
+
+    What ``marks`` call bad is no evidence; what they call good is a window whether or not it is steady.
+    """
+    recording = conditioned(without_bad(recording, marks), pump)
+    good = [(m.start_s, m.end_s) for m in marks if m.good]
+    zero, off = pump_off_zero(recording, pump, thresholds, good)
+    steady = with_good(steady_windows(recording, pump, thresholds), marked_windows(recording, pump, thresholds, good))
+    windows = tuple(sorted((*off, *steady), key=lambda w: w.start_s))
+    flags = [*recording.flags, *remarks(marks, windows)]
     if not zero.measured:
-        flags.append("no pump-off stretch: the case sensor's offset is unknown on this record")
+        off_without_case = any(w.accepted for w in off)
+        why = "no case pressure while the pump stood" if off_without_case else "no pump-off stretch"
+        flags.append(f"{why}: the case sensor's offset is unknown on this record")
     if "reservoir_pressure_bar" not in recording:
         flags.append("reservoir pressure not measured")
     accepted = [w for w in windows if w.accepted and w.kind is WindowKind.ZERO_FLOW]

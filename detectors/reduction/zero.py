@@ -1,11 +1,12 @@
 """Zero of the case sensor: while the pump is off it must read the reservoir."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from detectors.reduction.conditioning import bridged_stretches, gaps_of, shares_lost
 from detectors.reduction.statistics import mean_with_error, without_spikes
 from detectors.words.observation import Mean, Window, WindowKind, Zero
 from twin.parameters import PumpType
@@ -17,39 +18,67 @@ UNMEASURED_RESERVOIR_SD_BAR = 0.10
 """Estimate: reservoir pressure against its nominal value on the ground, where no sensor tells."""
 
 
-def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Runs of True in ``mask``, shape (n,), as (first, one past the last) pairs in order."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
 def pump_off_zero(
-    recording: Recording, pump: PumpType, thresholds: Mapping[str, float]
+    recording: Recording,
+    pump: PumpType,
+    thresholds: Mapping[str, float],
+    good: Sequence[tuple[float, float]] = (),
 ) -> tuple[Zero, tuple[Window, ...]]:
-    """Zero of the case sensor on this record, and every pump-off stretch as a window.
+    """Zero of the case sensor on a conditioned record, and every pump-off stretch as a window.
 
-    The first settled stretch counts (before the run-up the line has rested longest); after a shutdown the
-    pressure is given time to decay. Without one, the offset is unknown with the sensor's prior spread.
+    Gaps inside a stretch are bridged up to the stated share. The first settled stretch counts (before the run-up the
+    line has rested longest); after a shutdown the pressure is given time to decay. Without one, the offset is unknown
+    with the sensor's prior spread; so it is where the case pressure was not recorded there. A stretch that lies within one of ``good`` [s] is taken as it stands.
     """
-    unknown = Zero(0.0, pump.population["case_zero_bar"].value, measured=False)
-    speed = recording["shaft_speed_rpm"]
-    off = np.isfinite(speed) & (np.abs(speed) < PUMP_OFF_SPEED_FRACTION * pump.nominal_speed_rpm)
+    unknown_zero = Zero(0.0, pump.population["case_zero_bar"].value, measured=False)
+    speed = np.abs(recording["shaft_speed_rpm"])
+    with np.errstate(invalid="ignore"):
+        off = speed < PUMP_OFF_SPEED_FRACTION * pump.nominal_speed_rpm
+    unknown = ~np.isfinite(speed)
+    time = recording.time_s
+    gaps = [gaps_of(time, recording[name]) for name in ("shaft_speed_rpm", "case_pressure_bar")]
     windows = []
-    zero = unknown
-    for first, end in stretches(off):
-        window, offset = _pump_off_window(recording, pump, thresholds, first, end)
+    zero = unknown_zero
+    for first, end in bridged_stretches(off, unknown, np.append(time, time[-1:]), gaps, 0.0):
+        has_run = bool((~off & ~unknown)[:first].any())
+        part = _vouched_part(time, first, end, good)
+        window, offset = _pump_off_window(
+            recording, pump, thresholds, part or (first, end), settles=has_run and not part, vouched=part is not None
+        )
         windows.append(window)
         if window.accepted and offset is not None and not zero.measured:
             zero = offset
     return zero, tuple(windows)
 
 
+def _vouched_part(
+    time: NDArray[np.float64], first: int, end: int, good: Sequence[tuple[float, float]]
+) -> tuple[int, int] | None:
+    """Samples of the first good stretch that lies within a stretch of a pump that stands; None without one."""
+    for a, b in good:
+        start, stop = (int(i) for i in np.searchsorted(time, (a, np.nextafter(b, np.inf))))
+        if first <= start < stop <= end:
+            return start, stop
+    return None
+
+
 def _pump_off_window(
-    recording: Recording, pump: PumpType, thresholds: Mapping[str, float], first: int, end: int
+    recording: Recording,
+    pump: PumpType,
+    thresholds: Mapping[str, float],
+    bounds: tuple[int, int],
+    *,
+    settles: bool,
+    vouched: bool,
 ) -> tuple[Window, Zero | None]:
+    """One stretch of a pump that stands; ``settles`` where it has run before and the line still empties.
+
+    Where somebody has ``vouched`` for it, neither its length nor its drift counts.
+    """
+    first, end = bounds
     time = recording.time_s
     start_s, end_s = float(time[first]), float(time[end - 1])
-    if first > 0:
+    if settles:
         start_s = min(start_s + SETTLING_AFTER_SHUTDOWN_S, end_s)
     inside = slice(int(np.searchsorted(time, start_s)), end)
     names = [n for n in ("case_pressure_bar", "reservoir_pressure_bar", "fluid_temperature_degc") if n in recording]
@@ -59,14 +88,17 @@ def _pump_off_window(
         if mean is not None:
             means[name] = mean
     shortest = thresholds["pump_off_minimum_duration_s"]
+    bridged = shares_lost({n: gaps_of(time, recording[n]) for n in names}, start_s, end_s)
 
     def rejected(reason: str) -> tuple[Window, None]:
-        return Window(WindowKind.PUMP_OFF, start_s, end_s, False, reason, means), None
+        return Window(WindowKind.PUMP_OFF, start_s, end_s, False, reason, means, bridged=bridged), None
 
-    if end_s - start_s < shortest:
+    # half a step is what jitter may take from a stretch that is just long enough
+    if not vouched and end_s - start_s + 0.5 * float(np.median(np.diff(time))) < shortest:
         return rejected(f"lasts {end_s - start_s:.0f} s; at least {shortest:.0f} s are needed")
     if "case_pressure_bar" not in means:
-        return rejected("case pressure has no sample here")
+        # the pump stands all the same; only what the case sensor reads then, nobody knows
+        return Window(WindowKind.PUMP_OFF, start_s, end_s, True, None, means, bridged=bridged), None
     measured = "reservoir_pressure_bar" in means
     difference = recording["case_pressure_bar"][inside].copy()
     if measured:
@@ -81,11 +113,12 @@ def _pump_off_window(
     if a is None or b is None or offset is None:
         return rejected("too few samples of case and reservoir pressure together")
     drift, allowed = abs(b.mean - a.mean), 0.01 * sensor.full_scale_bar
-    if drift > allowed:
+    if drift > allowed and not vouched:
         return rejected(f"case pressure has not settled: it moves by {drift:.3f} bar; limit {allowed:.3f} bar")
     spread = UNMEASURED_RESERVOIR_SD_BAR if not measured else resolution
     sd = math.hypot(offset.standard_error, resolution, spread)
-    return Window(WindowKind.PUMP_OFF, start_s, end_s, True, None, means), Zero(offset.mean, sd, measured=True)
+    window = Window(WindowKind.PUMP_OFF, start_s, end_s, True, None, means, bridged=bridged)
+    return window, Zero(offset.mean, sd, measured=True)
 
 
 def _resolution(pump: PumpType, name: str) -> float:

@@ -46,6 +46,7 @@ class Window:
 
     ``means`` maps channel names to means over the stretch. They are as measured: no zero is taken out.
     ``scatter_bar`` is the one-sigma of the discharge pressure's samples, None where they cannot tell.
+    ``bridged`` says how much of the stretch holds no samples and of which channels, None where none is lost.
     """
 
     kind: WindowKind
@@ -55,6 +56,16 @@ class Window:
     reason: str | None
     means: Mapping[str, Mean]
     scatter_bar: float | None = None
+    bridged: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A stretch of a record [s] that an engineer has judged: ``good`` is a window as it stands, bad is no evidence."""
+
+    start_s: float
+    end_s: float
+    good: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,3 +76,23 @@ class Finding(TypedDict):
     """When it was entered."""
     author: str
     """Who entered it."""
+
+
+@shape
+class RecordMark(TypedDict):
+    """A stretch of a record that an engineer has marked."""
+
+    id: str
+    """Id of the mark."""
+    start_s: float
+    """Start from the record's own [s]."""
+    end_s: float
+    """End from the record's start [s]."""
+    mark: str
+    """`good`: a window as it stands; `bad`: no evidence."""
+    reason: str
+    """Why, in the words of who marked it."""
+    recorded_at: Instant
+    """When it was marked."""
+    author: str
+    """Who marked it."""

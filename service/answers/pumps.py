@@ -1,8 +1,11 @@
 """Pumps: the list, trends, forecast and the damage identification curve."""
 
+from typing import NotRequired
+
 from typing_extensions import TypedDict
 
 from service.answers.history import PlaceInTime
+from service.answers.registry import LookAlike
 from service.answers.words import Instant, Side, State, shape
 
 
@@ -46,6 +49,14 @@ class Pump(TypedDict):
     """What to do, in one sentence."""
     case_pressure_beyond: bool
     """Whether case over reservoir pressure is at twice its own reference or beyond its limit, whatever the cause."""
+
+
+@shape
+class PumpMade(Pump):
+    """A pump as it was registered."""
+
+    looks_like: NotRequired[list[LookAlike]]
+    """Other pumps of the operator whose serial numbers are easily taken for this one's; left out where there are none."""
 
 
 @shape

@@ -51,6 +51,8 @@ class ReducedWindow(TypedDict):
     """Mean of each channel by its name."""
     scatter_bar: NotRequired[float | None]
     """One sigma of the samples of the discharge pressure [bar]; null where they cannot tell."""
+    bridged: NotRequired[str | None]
+    """How much of it holds no samples and of which channels, `3 of 120 s bridged: case pressure`; null where none is lost."""
 
 
 @shape

@@ -46,6 +46,24 @@ class Aircraft(TypedDict):
 
 
 @shape
+class LookAlike(TypedDict):
+    """Something known by a name that is easily taken for another: by case, hyphens, blanks, zeros, letters alike."""
+
+    name: str
+    """Its serial number, or its name."""
+    since: Instant
+    """When it was first heard of."""
+
+
+@shape
+class AircraftMade(Aircraft):
+    """An aircraft as it was registered."""
+
+    looks_like: NotRequired[list[LookAlike]]
+    """Other aircraft of the operator whose names are easily taken for this one's; left out where there are none."""
+
+
+@shape
 class SensorOfType(TypedDict):
     """A sensor that pumps of a type have."""
 

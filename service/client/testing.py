@@ -83,11 +83,12 @@ class MemoryService:
         self.requests.append(request)
         if request.url.path == "/readyz":
             return httpx2.Response(200, json={"status": "ready", "checks": {}})
-        path = unquote(request.url.path.removeprefix(API_PREFIX))
+        # names keep their slashes: the address is taken apart before it is decoded
+        path = request.url.raw_path.decode("ascii").partition("?")[0].removeprefix(API_PREFIX)
         for method, pattern, answer in self._routes():
             found = re.fullmatch(pattern, path)
             if found and method == request.method:
-                return answer(request, *found.groups())
+                return answer(request, *map(unquote, found.groups()))
         return _problem(501, "Not implemented", f"the service in memory does not answer {request.method} {path}")
 
     def _routes(self) -> Iterable[tuple[str, str, Callable[..., httpx2.Response]]]:
@@ -96,8 +97,8 @@ class MemoryService:
             ("GET", "/records", lambda request: _page(self._listed(request))),
             ("GET", "/records/([^/]+)", lambda _request, name: _found(self._records.get(name), "record", name)),
             ("GET", "/pumps", lambda _request: _page([self._pump(s) for s in self._serials()])),
-            ("GET", "/pumps/(.+)/verdict", lambda _request, name: self._of_pump(name, self._verdict)),
-            ("GET", "/pumps/(.+)", lambda _request, name: self._of_pump(name, self._pump)),
+            ("GET", "/pumps/([^/]+)/verdict", lambda _request, name: self._of_pump(name, self._verdict)),
+            ("GET", "/pumps/([^/]+)", lambda _request, name: self._of_pump(name, self._pump)),
         )
 
     def _upload(self, request: httpx2.Request) -> httpx2.Response:

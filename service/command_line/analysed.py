@@ -16,7 +16,7 @@ _SHOWN = ("case_pressure_bar", "discharge_pressure_bar")
 _SAID = (
     *("state", "side", "confidence", "probabilities", "candidates", "advice", "resolving_measurement"),
     *("fit", "blind_spots", "probability_beyond_limit", "crossing", "intermittent", "resolved_by", "missing_evidence"),
-    "case_pressure",
+    *("case_pressure", "quality"),
 )
 """Of the verdict in the shape of the API: what an answer says."""
 _SIGMAS_90 = 1.645
@@ -70,6 +70,8 @@ def show_pump(answer: dict[str, Any], to: "Console") -> None:
     say((verdict["state"], "bold"), f", side {verdict['side']}: {verdict['advice']}", to=to)
     if verdict["resolving_measurement"]:
         say(f"What would tell: {verdict['resolving_measurement']}.", to=to)
+    for flag in verdict["quality"]["flags"]:
+        say(("flag", "yellow"), f" {flag}", to=to)
     for remark in remarks(verdict):
         for sentence in remark.sentences:
             say(f"{remark.heading}: {sentence}.", to=to)

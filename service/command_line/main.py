@@ -32,6 +32,8 @@ Files = Annotated[
 Url = Annotated[str, typer.Option(envvar="CASEDRAIN_URL", help="Where the service listens")]
 Key = Annotated[str | None, typer.Option(envvar="CASEDRAIN_KEY", help="API key")]
 Port = Annotated[int, typer.Option(help="Port to listen on")]
+_MOST_PASSED_OVER = 20
+"""Files that are named one by one; the rest is counted."""
 
 
 @app.callback(invoke_without_command=True)
@@ -153,16 +155,23 @@ def upload(
 ) -> None:
     """Upload flight records and print a result per file; started again, it goes on: what is known stays as it is.
 
-    With --json: {"files": [{"file", "answer", "refusal"}]}; the answer is the API's to the upload, or null where the
-    refusal says why the file was not taken.
+    What lies in a folder and is no flight record by its name is passed over and listed.
+
+    With --json: {"files": [{"file", "answer", "refusal"}], "passed_over": [{"file", "why"}]}; the answer is the API's to
+    the upload, or null where the refusal says why the file was not taken.
     """
     import httpx2  # noqa: PLC0415 - heavy, and only here
     from rich.progress import track  # noqa: PLC0415
 
     from service.client import Client, RefusedError  # noqa: PLC0415
-    from service.ingest.upload_files import content_type_of, files_of  # noqa: PLC0415
+    from service.ingest.upload_files import content_type_of, files_of, passed_over  # noqa: PLC0415
 
     files, missing = files_of(places)
+    others = passed_over(places)
+    for path, why in others[:_MOST_PASSED_OVER]:
+        say(("passed over", "yellow"), f" {path}: {why}", to=complaints())
+    if len(others) > _MOST_PASSED_OVER:
+        say(f"… and {len(others) - _MOST_PASSED_OVER} more files passed over", to=complaints())
     if missing:
         raise failure(f"no flight records at {', '.join(missing)}; nothing was uploaded", 2)
     n_refused = 0
@@ -184,7 +193,7 @@ def upload(
                 words = answer.get("explanation") or verdict.get("advice", "")
                 say((answer["status"], "green"), f" {path}: {verdict.get('state', '')}. {words}", to=to)
     if json_:
-        say_json({"files": rows})
+        say_json({"files": rows, "passed_over": [{"file": str(path), "why": why} for path, why in others]})
     if n_refused:
         raise failure(f"{n_refused} of {len(files)} files were refused")
 
@@ -266,8 +275,8 @@ def analyse(
 
     With --json: {"pumps": [{"serial", "verdict", "files", "picture"}], "refused": [{"file", "detail", "errors"}]}. A
     verdict has state, side, confidence, probabilities, candidates, advice, resolving_measurement, fit, blind_spots,
-    probability_beyond_limit, crossing, intermittent, resolved_by, missing_evidence and case_pressure, as the API gives
-    them; a file has file, state, zero_flow_s (start and end, or null), explanation and residuals: per channel value and
+    probability_beyond_limit, crossing, intermittent, resolved_by, missing_evidence, case_pressure and quality, as the API
+    gives them; a file has file, state, zero_flow_s (start and end, or null), explanation and residuals: per channel value and
     standard_deviation [bar]. Errors have where and problem.
     """
     from detectors.curve.picture import curve_svg  # noqa: PLC0415 - heavy, and only here

@@ -1,17 +1,19 @@
 """What one record says by itself: reduced, compared with the twin, and the key of all that this depends on."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from detectors.words.flights import Outline
-from detectors.words.observation import Observation
+from detectors.words.observation import Mark, Observation
 from service.answers.records import Residual as ResidualAnswer
 from service.answers.records import StoredReduction
 from service.history import reduced
 from service.history.codec import reduction_from_json
 from service.history.placement import Place
 from service.history.setting import Setting
+from service.history.traits import Traits, traits_of
 from service.identity import software
 from service.storage.tables import Record
 from service.thresholds.layers import Effective
@@ -29,18 +31,31 @@ class RecordAnalysis:
     key: str
     reduction: StoredReduction
     residuals: dict[str, dict[str, ResidualAnswer]]
+    traits: Traits
 
 
 def keep_analysis(row: Record, analysis: RecordAnalysis) -> None:
     """Write an analysis into its record's row, in the name of this software."""
     row.reduction, row.residuals, row.reduced_with = analysis.reduction, analysis.residuals, analysis.key
     row.reduced_by = dict(software().to_json())
+    traits = analysis.traits
+    row.samples_hash, row.remarks = traits.samples_hash, list(traits.remarks)
+    row.finished_at = None if row.started_at is None else row.started_at + timedelta(seconds=traits.last_s)
 
 
-def analysed(recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective) -> RecordAnalysis:
-    """Reduce a recording and compare its windows with the twin."""
-    made = reduced.reduced(recording, setting.pump_type(kind), setting.circuit_parameters, thresholds.values)
-    return RecordAnalysis(analysis_key(kind, setting, thresholds), made.reduction, made.residuals)
+def analysed(
+    recording: Recording, kind: PumpType, setting: Setting, thresholds: Effective, marks: Sequence[Mark] = ()
+) -> RecordAnalysis:
+    """Reduce a recording, as far as its marks let it count, and compare its windows with the twin."""
+    pump = setting.pump_type(kind)
+    made = reduced.reduced(recording, pump, setting.circuit_parameters, thresholds.values, marks)
+    key = marked_key(analysis_key(kind, setting, thresholds), marks)
+    return RecordAnalysis(key, made.reduction, made.residuals, traits_of(recording, pump))
+
+
+def marked_key(key: str, marks: Sequence[Mark]) -> str:
+    """Key of a record with its marks: that of one without them where it has none."""
+    return key if not marks else hashlib.sha256(f"{key} {sorted(map(repr, marks))}".encode()).hexdigest()[:16]
 
 
 def analysis_key(kind: PumpType, setting: Setting, thresholds: Effective) -> str:

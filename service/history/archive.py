@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from service.ingest.decode import DecodedRecord, checked
+from service.ingest.decode import DecodedRecord, FullScales, checked, no_sensors
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.metadata import TypeLookup, built_in
 from service.ingest.parser_pool import ParserPool
@@ -44,18 +44,26 @@ class Archive:
             when they cannot be decoded any more, e.g. because limits were lowered.
         """
         return self.decoded_again(
-            row, lambda _operator, _serial: kind.name, lambda operator, name: built_in(operator, name) or kind
+            row, lambda _operator, _serial: kind.name, lambda operator, name: built_in(operator, name) or kind, None
         ).recording
 
     def decoded_again(
-        self, row: Record, registered: RegisteredType = _unregistered, types: TypeLookup = built_in
+        self,
+        row: Record,
+        registered: RegisteredType = _unregistered,
+        types: TypeLookup = built_in,
+        full_scales: FullScales | None = no_sensors,
     ) -> DecodedRecord:
-        """A stored record decoded as its upload asked for, with the mapping that it was sent with; raises as above."""
+        """A stored record decoded as its upload asked for, with the mapping that it was sent with; raises as above.
+
+        ``full_scales`` None: it was taken once, and is not asked again whether its units are likely.
+        """
         request = row.request
         mapping = MappingVersion.from_json(request["mapping"]) if request.get("mapping") else None
         with self.spool.of_parts(self.raw_store.chunks(row.content_hash)) as file:
             overrides = request["overrides"]
-            return self.decoded(file, row.content_type, request["encoding"], overrides, mapping, registered, types)
+            kind, encoding = row.content_type, request["encoding"]
+            return self.decoded(file, kind, encoding, overrides, mapping, registered, types, full_scales)
 
     def decoded(
         self,
@@ -66,6 +74,7 @@ class Archive:
         mapping: MappingVersion | None,
         registered: RegisteredType = _unregistered,
         types: TypeLookup = built_in,
+        full_scales: FullScales | None = no_sensors,
     ) -> DecodedRecord:
         """A file decoded and checked; ``overrides`` are metadata that win over its own.
 
@@ -77,4 +86,4 @@ class Archive:
         applied = mapping.mapping if mapping else None
         dialect = applied.dialect if applied else None
         raw = self.parser.parsed(file.path, content_type, content_encoding, self.limits, dialect)
-        return checked(raw, overrides, registered, applied, types=types)
+        return checked(raw, overrides, registered, applied, types=types, full_scales=full_scales)

@@ -1,7 +1,7 @@
 """What is known of a pump, now or at an earlier instant, gathered from the database for the fold."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, TypeAlias, TypeVar
 
@@ -10,24 +10,25 @@ from sqlalchemy.orm import Session
 
 from detectors.judgement.version import twin_version
 from detectors.words.flights import Outline
-from detectors.words.observation import Maintenance, Observation
-from service.history.analysis import RecordAnalysis, analysed, analysis_key, observation_at
+from detectors.words.observation import Maintenance, Mark, Observation
+from service.history.analysis import RecordAnalysis, analysed, analysis_key, marked_key, observation_at
 from service.history.archive import Archive
+from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, names_alike, remarks_on
 from service.history.healthy_curves import healthy_curve
 from service.history.known import Known, Observations, PlacedRecord
+from service.history.neighbours import copied_elsewhere, counting, look_alikes, place_taken, said_by
 from service.history.placement import Interval, Place, changes, place_at
 from service.history.setting import Setting, setting_at
+from service.history.traits import without_evidence
 from service.ingest.decode import DEFAULT_PUMP_TYPE
 from service.pump_types.parameter_sets import held_type
 from service.storage.tables import (
-    ANALYSED,
-    SUPERSEDED,
-    WITHDRAWN,
     Entry,
     Installation,
     MaintenanceEvent,
     Pump,
     Record,
+    RecordMark,
     ReductionOutline,
     RegistryVersion,
 )
@@ -42,7 +43,8 @@ class Knowledge:
     """Input of the fold with what the stored verdicts say beside it.
 
     ``anew`` holds the analyses that differ from the stored ones, by record: other thresholds, surroundings or
-    pump type than they were made with. ``flight_hours`` are those of the records that state them.
+    pump type than they were made with. ``flight_hours`` are those of the records that state them. ``copies`` are
+    records whose samples are another's, which are evidence of nothing.
     """
 
     known: Known
@@ -50,6 +52,7 @@ class Knowledge:
     thresholds: Effective
     anew: Mapping[str, RecordAnalysis]
     flight_hours: Mapping[str, float]
+    copies: frozenset[str]
 
     def observations(self, session: Session) -> Observations:
         """What reads the observations of records from the database."""
@@ -58,7 +61,11 @@ class Knowledge:
         def read(ids: Sequence[str]) -> Mapping[str, Observation]:
             documents = {i: self.anew[i].reduction for i in ids if i in self.anew}
             documents |= _reductions(session, [i for i in ids if i not in self.anew])
-            return {i: observation_at(outlines[i], documents[i], self.flight_hours.get(i)) for i in ids}
+            found = {i: observation_at(outlines[i], documents[i], self.flight_hours.get(i)) for i in ids}
+            again = {
+                i: replace(o, reduction=without_evidence(o.reduction)) for i, o in found.items() if i in self.copies
+            }
+            return found | again
 
         return read
 
@@ -96,7 +103,8 @@ def knowledge(
     most_anew
         Stop behind so many new analyses: they are all that is of use then. None for no bound.
     """
-    rows = session.execute(select(*_LIGHT).where(*_counting(pump.id, known_at))).all()
+    columns = (*_LIGHT, copied_elsewhere(known_at), place_taken(known_at))
+    rows = session.execute(select(*columns).where(*_counting(pump.id, known_at))).all()
     name, registered = _kind(session, pump, rows, known_at)
     name = pump_type_name or name
     kind = held_type(session, pump.operator, name)
@@ -107,40 +115,58 @@ def knowledge(
     anew: dict[str, RecordAnalysis] = {}
     aircraft: dict[str, Mapping[str, Any]] = {}
     keys: dict[Setting, str] = {}
+    marks = marks_of(session, pump.id, known_at)
     older = [row.id for row in rows if row.reduction_digest is None]
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
+    maintenance = _maintenance(session, pump.id, known_at)
+    own = [said_by(pump.serial, row) for row in rows]
+    remarks, again = remarks_on(own, _elsewhere(rows), maintenance), copies(own)
     for row in rows:
         if len(anew) == most_anew:
             break
-        if row.started_at is None:
-            raise RuntimeError(f"record {row.id} counts without a start")
         place = place_at(intervals, row.aircraft or "", row.position or "", row.started_at)
         if place.aircraft not in aircraft:
             aircraft[place.aircraft] = registry_values(session, pump.operator, "aircraft", place.aircraft, known_at)
         setting = setting_at(aircraft[place.aircraft], row.started_at)
         flags = place.flags + _record_flags(row, name, registered, setting)
+        flags += (*(row.remarks or ()), *remarks.get(row.id, ()))
         if healthy is not None and not setting.has_own_fluid(kind):
             flags += (f"the measured healthy curve is not one with {setting.fluid}: judged against the twin",)
         if setting not in keys:
             keys[setting] = analysis_key(kind, setting, thresholds)
         outline = without_outline.get(row.id) or _stored_outline(row)
-        if reduce_anew or outline is None or row.reduced_with != keys[setting]:
+        marked = marks.get(row.id, ())
+        if reduce_anew or outline is None or row.reduced_with != marked_key(keys[setting], marked):
             if outline is not None and row.raw_removed_at is not None:
                 flags += ("raw bytes are no longer kept: analysed as they were before",)
             else:
-                analysis = analysed(archive.recording(session.get_one(Record, row.id), kind), kind, setting, thresholds)
+                recording = archive.recording(session.get_one(Record, row.id), kind)
+                analysis = analysed(recording, kind, setting, thresholds, marked)
                 anew[row.id], outline = analysis, ReductionOutline.of(analysis.reduction)
+        if row.id in again:
+            outline = ReductionOutline(f"{outline.digest} again", has_zero_flow=False, has_spectrum=False)
         placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
     placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
-    maintenance = _maintenance(session, pump.id, known_at)
-    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy)
+    alike = [f"pump {other.serial} looks like this one: the same pump twice?" for other in look_alikes(session, pump)]
+    alike += names_alike(own)
+    known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy, tuple(alike))
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
-    return Knowledge(known, name, thresholds, anew, hours)
+    return Knowledge(known, name, thresholds, anew, hours, again)
+
+
+def _elsewhere(rows: Sequence[AnyRow]) -> dict[str, list[str]]:
+    """Remarks on records that records of other pumps contradict."""
+    kinds = ((COPIED_ELSEWHERE, "copied_elsewhere"), (PLACE_TAKEN, "place_taken"))
+    return {row.id: [words for words, name in kinds if getattr(row, name)] for row in rows}
 
 
 _LIGHT = (
     Record.id,
+    Record.pump_id,
     Record.started_at,
+    Record.finished_at,
+    Record.samples_hash,
+    Record.remarks,
     Record.aircraft,
     Record.position,
     Record.flight_id,
@@ -165,15 +191,8 @@ def counting_records(session: Session, pump_id: int) -> list[Record]:
 
 
 def _counting(pump_id: int, known_at: datetime | None) -> tuple[ColumnElement[bool], ...]:
-    """What picks the records that count now, or that counted at an instant."""
-    if known_at is None:
-        return Record.pump_id == pump_id, Record.status == ANALYSED
-    return (
-        Record.pump_id == pump_id,
-        Record.status.in_((ANALYSED, SUPERSEDED, WITHDRAWN)),
-        Record.received_at <= known_at,
-        or_(Record.ended_at.is_(None), Record.ended_at > known_at),
-    )
+    """What picks the records of a pump that count now, or that counted at an instant."""
+    return Record.pump_id == pump_id, *counting(known_at)
 
 
 def _reductions(session: Session, ids: Sequence[str]) -> dict[str, Any]:
@@ -224,6 +243,14 @@ def _maintenance(session: Session, pump_id: int, known_at: datetime | None) -> t
     found = entries(session, MaintenanceEvent, pump_id, known_at)
     events = (Maintenance(e.at, e.action, e.fluid, e.channel) for e in found)
     return tuple(sorted(events, key=lambda m: (m.at, m.action, m.fluid or "", m.channel or "")))
+
+
+def marks_of(session: Session, pump_id: int, known_at: datetime | None = None) -> dict[str, tuple[Mark, ...]]:
+    """What engineers have marked on a pump's records, by record, in an order that does not depend on when."""
+    found: dict[str, list[Mark]] = {}
+    for row in entries(session, RecordMark, pump_id, known_at):
+        found.setdefault(row.record_id, []).append(Mark(row.start_s, row.end_s, good=row.mark == "good"))
+    return {record_id: tuple(sorted(marks, key=repr)) for record_id, marks in found.items()}
 
 
 def installation_intervals(session: Session, pump_id: int, known_at: datetime | None = None) -> list[Interval]:

@@ -32,6 +32,7 @@ class Known:
     """Everything that a pump's verdicts are a function of, apart from reductions and the twin's version.
 
     ``placed`` is in event order: by instant, then by record.
+    ``remarks`` are on the pump itself, whatever its records say.
     ``healthy`` is the pump type's measured curve that stands in for the twin's, None where nobody has measured one.
     """
 
@@ -41,6 +42,7 @@ class Known:
     maintenance: tuple[Maintenance, ...] = ()
     installation_changes: tuple[datetime, ...] = ()
     healthy: HealthyCurve | None = None
+    remarks: tuple[str, ...] = ()
 
     def healthy_in(self, setting: Setting) -> HealthyCurve | None:
         """The measured curve where it holds: it was measured with the pump type's own fluid."""

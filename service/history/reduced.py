@@ -3,13 +3,13 @@
 What this module imports is the code that a stored reduction was made by: ``sources`` is its hash.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 from detectors.expectation.residuals import window_residuals
 from detectors.reduction.recording import reduce_recording
-from detectors.words.observation import Window, WindowKind
+from detectors.words.observation import Mark, Window, WindowKind
 from service.answers.records import StoredReduction
 from service.history.codec import reduction_to_json, residuals_to_json
 from twin.parameters import Circuit, PumpType
@@ -24,7 +24,13 @@ class Reduced(NamedTuple):
     residuals: dict[str, Any]
 
 
-def reduced(recording: Recording, pump: PumpType, circuit: Circuit, thresholds: Mapping[str, float]) -> Reduced:
+def reduced(
+    recording: Recording,
+    pump: PumpType,
+    circuit: Circuit,
+    thresholds: Mapping[str, float],
+    marks: Sequence[Mark] = (),
+) -> Reduced:
     """Reduce a recording and compare its windows with the twin.
 
     Parameters
@@ -33,8 +39,10 @@ def reduced(recording: Recording, pump: PumpType, circuit: Circuit, thresholds: 
         As the aircraft has them: with its fluid, sensors and return lines.
     thresholds
         All thresholds by key; those of windows and of the pump-off stretch count.
+    marks
+        Stretches that an engineer has called good or bad.
     """
-    reduction = reduce_recording(recording, pump, thresholds)
+    reduction = reduce_recording(recording, pump, thresholds, marks)
     residuals = {
         str(i): residuals_to_json(window_residuals(window, reduction.zero, pump, circuit))
         for i, window in enumerate(reduction.windows)

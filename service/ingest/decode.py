@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from service.errors import Fault, Invalid
-from service.ingest.mapping import ChannelMapping, mapped
-from service.ingest.metadata import RecordMetadata, TypeLookup, built_in, checked_metadata
+from service.ingest.mapped import mapped_record
+from service.ingest.mapping import ChannelMapping
+from service.ingest.metadata import EARLIEST, RecordMetadata, TypeLookup, built_in, checked_metadata
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawFile, RawRecord
-from service.ingest.time_base import on_one_base
+from service.ingest.repair import repaired
 from service.ingest.validation import channel_faults
 from twin.pumps import PUMP_TYPES
 from twin.recording import Recording
@@ -20,6 +21,8 @@ from twin.recording import Recording
 __all__ = ["DEFAULT_PUMP_TYPE", "DecodedRecord", "Limits", "checked", "decode"]
 DEFAULT_PUMP_TYPE = "h225"
 RegisteredType = Callable[[str | None, str], str | None]
+FullScales = Callable[[RecordMetadata], Mapping[str, float]]
+"""Full scale [bar] of the sensors that the aircraft of a record has of its own by then, by channel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +35,11 @@ class DecodedRecord:
 
 def _no_registry(_operator: str | None, _serial: str) -> str | None:
     return None
+
+
+def no_sensors(_metadata: RecordMetadata) -> Mapping[str, float]:
+    """Nothing is registered: the pump type's own sensors."""
+    return {}
 
 
 def decode(
@@ -83,6 +91,7 @@ def checked(
     mapping: ChannelMapping | None = None,
     now: datetime | None = None,
     types: TypeLookup = built_in,
+    full_scales: FullScales | None = no_sensors,
 ) -> DecodedRecord:
     """A parsed file with its mapping applied, on one time base, and everything about it checked.
 
@@ -94,16 +103,20 @@ def checked(
         The record must not lie in the future of this instant; None takes the clock's.
     types
         Pump types that the record may name.
+    full_scales
+        The aircraft's own sensors. None for a record that was taken once: what later rules hold unlikely of its
+        units and instants stays history.
 
     Raises
     ------
     Invalid
         with every fault found.
     """
-    raw = on_one_base(file if mapping is None else mapped(file, mapping))
+    raw = repaired(mapped_record(file, mapping))
     named = {**raw.metadata, **overrides}
     owner = str(named["operator"]) if named.get("operator") else None
-    metadata, faults = checked_metadata(named, now, lambda name: types(owner, name) is not None)
+    earliest = None if full_scales is None else EARLIEST
+    metadata, faults = checked_metadata(named, now, lambda name: types(owner, name) is not None, earliest)
     kind = named.get("pump_type")
     if not kind and metadata is not None:
         kind = registered_type(metadata.operator, metadata.pump_serial)
@@ -112,7 +125,10 @@ def checked(
         faults.append(Fault("ambient_pressure_bar", "is needed: the mapping says that a pressure is absolute"))
     channels = _gauge(raw, metadata)
     with np.errstate(all="ignore"):  # damaged files hold numbers that overflow any sum; they are faults, not warnings
-        faults += raw.faults + channel_faults(RawRecord(raw.metadata, channels), pump)
+        scales = None if full_scales is None else full_scales(metadata) if metadata else {}
+        found = channel_faults(RawRecord(raw.metadata, channels), pump, scales)
+    explained = {fault.where for fault in raw.faults}
+    faults += raw.faults + [f for f in found if f.problem != "is missing" or f.where not in explained]
     if faults or metadata is None:
         raise Invalid(f"the record has {len(faults)} fault(s); nothing of it was stored", faults)
     foreign = {k: v for k, v in metadata.foreign.items() if isinstance(v, (str, int, float))}

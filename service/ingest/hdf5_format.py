@@ -1,65 +1,277 @@
-"""HDF5: one group of equally long datasets, metadata as attributes of the group; needs the extra ``hdf5``."""
+"""HDF5: groups of datasets at any depth, metadata as attributes or single values; needs the extra ``hdf5``.
+
+A MATLAB 7.3 file is HDF5 behind a block of its own: texts are rows of uint16, structs are groups, cells references.
+"""
 
 import io
 from typing import Any
 
 import numpy as np
 
-from service.errors import Fault, Undecodable, UnknownType
-from service.ingest.raw import Limits, RawFile, Table, check_size, plain
+from service.errors import Fault, TooLarge, Undecodable, UnknownType
+from service.ingest.hdf5_heaps import check_heaps, longest_text
+from service.ingest.nested import MOST_TEXTS, Leaf, Tree, leaf_of, matrix, tables_of
+from service.ingest.raw import Limits, RawFile, check_size, plain
+from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS
+
+_DEEPEST = 20
+_MOST_OBJECTS = 20_000
+_BYTES = 8
+_OF_LIBRARIES = (
+    "MATLAB_",
+    "H5PATH",
+    "_Netcdf4",
+    "_NC",
+    "DIMENSION_LIST",
+    "REFERENCE_LIST",
+    "PYTABLES",
+    "CLASS",
+    "VERSION",
+)
+_UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT", "unit_string")
+_PACKED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
+_SAY_SOMETHING = frozenset(
+    (*_UNITS, *_PACKED, "MATLAB_class", "MATLAB_object_decode", "MATLAB_empty", "DIMENSION_LIST")
+)
+_OURS = (*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS)
+_TABLES_OF_MATLAB = ("timetable", "table", "timeseries", "datetime", "duration", "categorical", "string")
 
 
 def parsed(content: bytes, limits: Limits) -> RawFile:
-    """Read an HDF5 record from the root or from its only group; shapes are looked at before anything is read.
+    """Read an HDF5 record; shapes are looked at before anything is read.
 
     Raises
     ------
     UnknownType
         when h5py is not installed.
     Undecodable, TooLarge
-        when it is no HDF5 file, holds several groups, or is larger than the limits.
+        when it is no HDF5 file, points outside of itself, or is larger than the limits.
     """
     try:
         import h5py  # noqa: PLC0415 - an extra
     except ImportError:
         raise UnknownType("reading HDF5 needs the extra: pip install 'casedrain[hdf5]'") from None
+    check_heaps(content)
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            return _read(file, h5py, limits)
+            reader = _Reader(file, h5py, content, limits)
+            tree = reader.group(file, "", 0)
+            found = tables_of(tree, RawFile({}, (), reader.faults, reader.not_kept))
     except (OSError, KeyError, RuntimeError, ValueError) as error:
         raise Undecodable("the body is not a readable HDF5 file", [Fault("body", str(error)[:200])]) from None
+    return found
 
 
-def _read(file: Any, h5py: Any, limits: Limits) -> RawFile:
-    _check_links(file, h5py)
-    group, attributes = file, dict(file.attrs)
-    groups = [item for item in file.values() if isinstance(item, h5py.Group)]
-    if not any(isinstance(item, h5py.Dataset) for item in file.values()):
-        if len(groups) != 1:
-            fault = Fault("body", f"holds {len(groups)} groups and no channels at its root")
-            raise Undecodable("an HDF5 record is one group of channels", [fault])
-        group = groups[0]
-        _check_links(group, h5py)
-        attributes |= dict(group.attrs)
-    n_channels = sum(isinstance(item, h5py.Dataset) for item in group.values())
-    channels, faults = {}, []
-    for name, item in group.items():
-        if not isinstance(item, h5py.Dataset):
-            continue
+class _Reader:
+    """Walks one file over its hard links, each object once, and adds up what it reads."""
+
+    def __init__(self, file: Any, h5py: Any, content: bytes, limits: Limits) -> None:
+        self._file, self._h5py, self._content, self._limits = file, h5py, content, limits
+        self._visited: set[int] = set()
+        self._objects = 0
+        self._samples = 0
+        self.faults: list[Fault] = []
+        self.not_kept: dict[str, str] = {}
+
+    def group(self, group: Any, path: str, depth: int) -> Tree:
+        """A group with all that it holds."""
+        tree: Tree = {}
+        if not self._is_new(group, path, depth):
+            return tree
+        for name in group:
+            item = self._member(group, name)
+            if item is None:
+                self._left_out(name, "a link that leads outside the file or nowhere")
+            elif not name.startswith("#"):
+                held = self._item(item, name, f"{path}/{name}", depth)
+                if held is not None:
+                    tree[name] = held
+        for name, value in self._attributes(group).items():
+            tree.setdefault(name, Leaf(value))
+        return tree
+
+    def _item(self, item: Any, name: str, path: str, depth: int) -> "Leaf | Tree | None":
+        if isinstance(item, self._h5py.Group):
+            return self.group(item, path, depth + 1)
+        if not isinstance(item, self._h5py.Dataset):
+            return None
+        self._count(path)
         if item.is_virtual or item.external:
-            faults.append(Fault(f"channels.{name}", "keeps its samples outside the file"))
-        elif item.ndim != 1 or item.dtype.kind not in "fiu":
-            faults.append(Fault(f"channels.{name}", f"has shape {item.shape} of {item.dtype}, not one row of numbers"))
+            self._left_out(name, "kept outside the file")
+            return None
+        return self._dataset(item, path, depth)
+
+    def _dataset(self, item: Any, path: str, depth: int) -> "Leaf | Tree":
+        said = {name: item.attrs[name] for name in item.attrs if name in _SAY_SOMETHING}
+        matlab = _word(said.get("MATLAB_class", b""))
+        if matlab in _TABLES_OF_MATLAB or "MATLAB_object_decode" in said:
+            return Leaf(None, what=opaque(matlab))
+        if "MATLAB_empty" in said or item.shape is None:
+            return Leaf(None, what="empty")
+        if matlab == "char":
+            return self._characters(item)
+        if self._h5py.check_ref_dtype(item.dtype) is not None:
+            return self._cells(item, path, depth)
+        if item.dtype.names:
+            return self._compound(item)
+        if item.size > 1 and max(item.shape) != item.size:
+            return Leaf(None, what=matrix(item.shape))
+        names = self._h5py.check_enum_dtype(item.dtype)
+        if names and item.dtype.kind != "b":
+            return self._enumeration(item, names)
+        if item.dtype.kind in "fiub":
+            self._add(item.size)
+            axis = self._axis(item) if "DIMENSION_LIST" in said else None
+            return leaf_of(_unpacked(np.asarray(item[()]), said), _unit(said), axis)
+        if self._h5py.check_string_dtype(item.dtype) is not None:
+            return leaf_of(item[()]) if self._is_short(item) else Leaf(None, what="text")
+        return Leaf(None, what=f"of the type {item.dtype}"[:100])
+
+    def _is_short(self, item: Any) -> bool:
+        """Whether a dataset of texts is worth reading, and no entry says that it is longer than the file."""
+        if item.size > MOST_TEXTS:
+            return False
+        offset = item.id.get_offset()
+        if offset is None or self._h5py.check_string_dtype(item.dtype).length is not None:
+            return True
+        fits = offset + item.id.get_storage_size() <= len(self._content)
+        return fits and longest_text(self._content, offset, item.size) <= len(self._content)
+
+    def _characters(self, item: Any) -> Leaf:
+        """MATLAB keeps a text as a column of its characters."""
+        if item.size > MOST_TEXTS or max(item.shape, default=1) != item.size:
+            return Leaf(None, what="text")
+        return Leaf("".join(map(chr, np.asarray(item[()]).reshape(-1).astype(np.uint32))).strip())
+
+    def _cells(self, item: Any, path: str, depth: int) -> "Leaf | Tree":
+        """Entries of a cell or of a struct's field in an array of structs, by their place."""
+        if item.size > _MOST_OBJECTS or depth > _DEEPEST:
+            return Leaf(None, what="a cell array")
+        tree: Tree = {}
+        for i, reference in enumerate(np.asarray(item[()]).reshape(-1)):
+            if not isinstance(reference, self._h5py.Reference) or not reference:
+                continue
+            name = f"{path.rpartition('/')[2]}({i + 1})"
+            held = self._item(self._file[reference], name, f"{path}({i + 1})", depth + 1)
+            if held is not None:
+                tree[name] = held
+        words = [leaf.value for leaf in tree.values() if isinstance(leaf, Leaf) and isinstance(leaf.value, str)]
+        return Leaf(words) if words and len(words) == len(tree) else tree
+
+    def _compound(self, item: Any) -> "Leaf | Tree":
+        """A table of named columns (PyTables, pandas)."""
+        if len(item.shape) != 1:
+            return Leaf(None, what=matrix(item.shape))
+        self._add(item.size * len(item.dtype.names))
+        rows = item[()]
+        tree: Tree = {}
+        for name in item.dtype.names:
+            tree[name] = leaf_of(rows[name]) if item.size > 1 else Leaf(None, what="a single row")
+        for name, value in self._attributes(item).items():
+            tree.setdefault(name, Leaf(value))
+        return tree
+
+    def _enumeration(self, item: Any, names: dict[str, int]) -> Leaf:
+        if item.size > MOST_TEXTS:
+            return Leaf(None, what="an enumeration")
+        words = {number: name for name, number in names.items()}
+        return Leaf([words.get(int(number)) for number in np.asarray(item[()]).reshape(-1)])
+
+    def _axis(self, item: Any) -> Leaf | None:
+        """The dimension scale along the samples."""
+        along = int(np.argmax(item.shape)) if item.shape else 0
+        scales = item.dims[along].values() if along < len(item.dims) else []
+        scale = next(iter(scales), None)
+        if scale is None or scale == item or scale.is_virtual or scale.external or scale.size != item.size:
+            return None
+        if scale.dtype.kind not in "fiu":
+            return None
+        self._add(scale.size)
+        return leaf_of(_unpacked(np.asarray(scale[()]), scale.attrs), _unit(scale.attrs))
+
+    def _member(self, group: Any, name: str) -> Any:
+        """What a name leads to inside the file; following other links would read whatever the sender names here."""
+        link = group.get(name, getlink=True)
+        if isinstance(link, self._h5py.HardLink):
+            return group[name]
+        if not isinstance(link, self._h5py.SoftLink):
+            return None
+        place = self._file if link.path.startswith("/") else group
+        for part in link.path.strip("/").split("/"):
+            inside = isinstance(place, self._h5py.Group) and part in place
+            if not inside or not isinstance(place.get(part, getlink=True), self._h5py.HardLink):
+                return None
+            place = place[part]
+        return place
+
+    def _left_out(self, name: str, what: str) -> None:
+        if name in _OURS:
+            self.faults.append(Fault(f"channels.{name}", f"is {what}"))
         else:
-            check_size(item.shape[0], n_channels, limits)
-            channels[name] = np.array(item[:], dtype=np.float64)
-    metadata = {name: plain(value) for name, value in attributes.items()}
-    return RawFile(metadata, (Table(channels),), faults)
+            self.not_kept[name] = what
+
+    def _attributes(self, item: Any) -> dict[str, Any]:
+        found = {}
+        for name in item.attrs:
+            self._count(name)
+            if not name.startswith(_OF_LIBRARIES):
+                value = plain(item.attrs[name])
+                if isinstance(value, (str, int, float)):
+                    found[name] = value
+        return found
+
+    def _is_new(self, group: Any, path: str, depth: int) -> bool:
+        """Whether this group has not been seen under another name, which a circle of links would repeat for ever."""
+        self._count(path)
+        if depth > _DEEPEST:
+            self.not_kept[path] = f"a group more than {_DEEPEST} deep"
+            return False
+        address = self._h5py.h5o.get_info(group.id).addr
+        known = address in self._visited
+        self._visited.add(address)
+        return not known
+
+    def _count(self, path: str) -> None:
+        self._objects += 1
+        if self._objects > _MOST_OBJECTS:
+            fault = Fault(f"group {path.rpartition('/')[0] or '/'}", "is where the reader stopped")
+            raise TooLarge(f"the file holds more than {_MOST_OBJECTS} objects: leave out what is not needed", [fault])
+
+    def _add(self, samples: int) -> None:
+        check_size(samples, 1, self._limits)
+        self._samples += samples
+        if self._samples * _BYTES > self._limits.inflated_bytes:
+            check_size(1, self._samples, self._limits)
 
 
-def _check_links(group: Any, h5py: Any) -> None:
-    # following a link would read whatever file of this machine the sender names
-    outside = [name for name in group if isinstance(group.get(name, getlink=True), h5py.ExternalLink)]
-    if outside:
-        faults = [Fault(f"channels.{name}", "is a link to another file") for name in outside]
-        raise Undecodable("an HDF5 record holds all of its data itself", faults)
+def opaque(matlab_class: str) -> str:
+    """What an object of MATLAB's is that only MATLAB can read, and what to do about it."""
+    name = matlab_class or "object"
+    advice = {
+        "timetable": "timetable2table and table2struct(…, 'ToScalar', true)",
+        "table": "table2struct(…, 'ToScalar', true)",
+    }
+    return f"a MATLAB {name}, which only MATLAB can read: save it with {advice.get(name, 'struct(…)')}"
+
+
+def _word(value: Any) -> str:
+    return str(plain(value))
+
+
+def _unit(attributes: Any) -> str:
+    found = next((attributes[name] for name in _UNITS if name in attributes), "")
+    return _word(found).strip()
+
+
+def _unpacked(samples: Any, attributes: Any) -> Any:
+    """Samples as netCDF packs them: fill values are missing ones, then a factor and an offset."""
+    if not any(name in attributes for name in _PACKED):
+        return samples
+    values = samples.astype(np.float64)
+    for name in ("_FillValue", "missing_value"):
+        if name in attributes:
+            values[samples == np.asarray(attributes[name]).reshape(-1)[0]] = np.nan
+    for name, applied in (("scale_factor", np.multiply), ("add_offset", np.add)):
+        if name in attributes:
+            values = applied(values, float(np.asarray(attributes[name]).reshape(-1)[0]))
+    return values

@@ -16,7 +16,7 @@ class MappingVersion:
 
     def to_json(self) -> dict[str, Any]:
         """As it is stored with a record."""
-        return {"name": self.name, "version": self.version, "document": self.mapping.model_dump(mode="json")}
+        return {"name": self.name, "version": self.version, "document": self.mapping.document()}
 
     @classmethod
     def from_json(cls, document: dict[str, Any]) -> Self:

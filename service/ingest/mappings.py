@@ -79,7 +79,7 @@ def append_version(
         version=version,
         aircraft_type=aircraft_type,
         description=description,
-        document=mapping.model_dump(mode="json"),
+        document=mapping.document(),
         author=author,
         created_at=datetime.now(UTC),
     )

@@ -1,35 +1,45 @@
-"""MATLAB v5: variables named as channels, or one struct of them; texts and single numbers are metadata."""
+"""MATLAB v5: variables and structs of them at any depth; texts and single numbers are metadata. 7.3 is HDF5."""
 
 import io
 import struct
 import zlib
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
+from service.ingest import hdf5_format
 from service.ingest.file_formats import MATLAB
-from service.ingest.raw import Limits, RawFile, Table, check_size, plain
+from service.ingest.hdf5_format import opaque
+from service.ingest.nested import Leaf, Tree, leaf_of, tables_of
+from service.ingest.raw import Limits, RawFile, check_size, plain
 
 _MAGIC_OF_HDF5 = b"MATLAB 7.3 MAT-file"
 _HEADER_BYTES = 128
 _COMPRESSED = 15
 _CHUNK = 1 << 20
+_MOST_MEMBERS = 10_000
+_NAMES = ("name", "Name", "channel", "Channel", "label")
+_OPAQUE = "an object"
+"""The name that SciPy's reader leaves to objects of MATLAB's."""
 
 
 def parsed(content: bytes, limits: Limits) -> RawFile:
-    """Read a MATLAB v5 record; what its compressed variables inflate to is counted before they are decoded.
+    """Read a MATLAB record; what compressed variables inflate to is counted before they are decoded.
 
     Raises
     ------
     UnknownType
         when SciPy's reader is not installed.
     Undecodable, TooLarge
-        when it is no MATLAB v5 file, or is larger than the limits.
+        when it is no MATLAB 5 or 7.3 file, or is larger than the limits.
     """
     if content.startswith(_MAGIC_OF_HDF5):
-        fault = Fault("body", "is a MATLAB 7.3 file")
-        raise Undecodable("save it with save(…, '-v7'), or write HDF5", [fault])
+        try:
+            return hdf5_format.parsed(content, limits)
+        except Undecodable as error:
+            raise Undecodable("the MATLAB 7.3 file is damaged: save it again, or with '-v7'", error.errors) from None
     if not MATLAB.begins(content):
         raise Undecodable("the body is not a MATLAB v5 file", [Fault("body", "no MATLAB 5.0 mark at its start")])
     try:
@@ -39,7 +49,10 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
     _check_inflation(content, limits)
     file: Any = io.BytesIO(content)
     variables = loadmat(file, squeeze_me=False, struct_as_record=True, chars_as_strings=True)
-    return _sorted({name: value for name, value in variables.items() if not name.startswith("__")}, limits)
+    held = {
+        _OPAQUE if name == "None" else name: value for name, value in variables.items() if not name.startswith("__")
+    }
+    return tables_of(_tree(held, limits))
 
 
 def _check_inflation(content: bytes, limits: Limits) -> None:
@@ -54,34 +67,64 @@ def _check_inflation(content: bytes, limits: Limits) -> None:
                 "the MATLAB file is cut short", [Fault("body", f"ends inside a variable at byte {place}")]
             )
         if kind == _COMPRESSED:
-            stream, data = zlib.decompressobj(), content[place + 8 : end]
-            while data and not stream.eof:
-                total += len(stream.decompress(data, _CHUNK))
-                data = stream.unconsumed_tail
-                if total > limits.inflated_bytes:
-                    raise TooLarge(f"the file inflates to more than {limits.inflated_bytes} bytes")
+            total += _inflated_size(content, place + 8, end, limits.inflated_bytes - total)
+            if total > limits.inflated_bytes:
+                raise TooLarge(f"the file inflates to more than {limits.inflated_bytes} bytes")
         place = end
 
 
-def _sorted(variables: dict[str, Any], limits: Limits) -> RawFile:
-    """Variables told apart into channels and metadata."""
-    structs = [v for v in variables.values() if getattr(v, "dtype", None) is not None and v.dtype.names]
-    if len(structs) == 1 and structs[0].size == 1:
-        record = structs[0].reshape(-1)[0]
-        outer = {name: value for name, value in variables.items() if value is not structs[0]}
-        variables = outer | {name: record[name] for name in structs[0].dtype.names}
-    metadata: dict[str, Any] = {}
-    channels: dict[str, Any] = {}
-    faults: list[Fault] = []
-    for name, value in variables.items():
-        array = np.asarray(value)
-        if array.dtype.kind in "US" or array.size == 1:
-            text = plain(array)
-            metadata[name] = text.strip() if isinstance(text, str) else text
-        elif array.dtype.kind not in "fiu" or max(array.shape, default=0) != array.size:
-            what = f"has shape {array.shape} of {array.dtype}, not one row of numbers"
-            faults.append(Fault(f"channels.{name}", what))
-        else:
-            channels[name] = array.reshape(-1)
-    check_size(max((len(c) for c in channels.values()), default=0), len(channels), limits)
-    return RawFile(metadata, (Table({n: np.array(c, dtype=np.float64) for n, c in channels.items()}),), faults)
+def _inflated_size(content: bytes, start: int, end: int, most: int) -> int:
+    """Bytes that a stream inflates to, or a little more than ``most``; fed by the chunk, so that no tail is copied twice."""
+    stream, total = zlib.decompressobj(), 0
+    for place in range(start, end, _CHUNK):
+        data = content[place : min(place + _CHUNK, end)]
+        while data and not stream.eof:
+            total += len(stream.decompress(data, _CHUNK))
+            data = stream.unconsumed_tail
+            if total > most:
+                return total
+    return total
+
+
+def _tree(variables: Mapping[str, Any], limits: Limits) -> Tree:
+    """Variables as nested groups: structs are groups, arrays of structs and cells groups by name or by place."""
+    return {name: _item(name, value, limits) for name, value in variables.items()}
+
+
+def _item(name: str, value: Any, limits: Limits) -> "Leaf | Tree":
+    kind = type(value).__name__
+    if kind in ("MatlabOpaque", "MatlabFunction"):
+        return Leaf(None, what=opaque(_class_of(value)))
+    if not isinstance(value, np.ndarray):
+        return Leaf(None, what=f"a {kind}")
+    if value.dtype.names:
+        members = [(entry, entry.dtype.names) for entry in value.reshape(-1)[:_MOST_MEMBERS]]
+        structs = [_tree({n: entry[n] for n in names}, limits) for entry, names in members]
+        return structs[0] if len(structs) == 1 else _by_name(name, structs)
+    if value.dtype.kind == "O":
+        if value.size > _MOST_MEMBERS:
+            return Leaf(None, what="a cell array")
+        cells = {f"{name}({i + 1})": _item(name, cell, limits) for i, cell in enumerate(value.reshape(-1))}
+        words = [cell.value for cell in cells.values() if isinstance(cell, Leaf) and isinstance(cell.value, str)]
+        return Leaf(words) if words and len(words) == len(cells) else cells
+    leaf = leaf_of(value)
+    if isinstance(leaf.value, np.ndarray):
+        check_size(len(leaf.value), 1, limits)
+    return leaf
+
+
+def _by_name(name: str, structs: list[Tree]) -> Tree:
+    """Entries of an array of structs under what each calls itself, else under their place."""
+    found: Tree = {}
+    for i, entry in enumerate(structs):
+        called = next((leaf for key in _NAMES if isinstance(leaf := entry.get(key), Leaf)), Leaf(None)).value
+        place = f"{name}({i + 1})"
+        found[called if isinstance(called, str) and called and called not in found else place] = entry
+    return found
+
+
+def _class_of(value: Any) -> str:
+    try:
+        return str(plain(value.reshape(-1)[0]["s2"]))
+    except (IndexError, KeyError, TypeError, ValueError):
+        return ""

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from service.errors import Fault
+from service.ingest.names import clean_name, name_fault
 from service.ingest.raw import METADATA
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
@@ -17,9 +18,13 @@ TypeLookup = Callable[[str | None, str], PumpType | None]
 TEXTS_REQUIRED = ("pump_serial", "aircraft", "position", "flight_id")
 TEXTS_OPTIONAL = ("segment", "pump_type", "operator")
 KNOWN = METADATA
-_LONGEST_TEXT = 200
 _HALVES = range(0xD800, 0xE000)
 """Halves of surrogate pairs: no text, no database and no answer can hold one."""
+_LARGEST_WHOLE = 2.0**53
+"""Up to here a float holds every whole number exactly."""
+EARLIEST = datetime(2001, 1, 1, tzinfo=UTC)
+"""No record is older (our choice: years before the first of these pumps flew). A recorder whose clock has lost its
+battery begins again in 1970, 1980 or 2000."""
 CLOCK_TOLERANCE = timedelta(days=1)
 """A wrong zone shifts by up to 14 h; a record that is later than this cannot have been flown yet."""
 
@@ -51,10 +56,11 @@ def checked_metadata(
     values: Mapping[str, Any],
     now: datetime | None = None,
     is_type: Callable[[str], bool] = PUMP_TYPES.__contains__,
+    earliest: datetime | None = EARLIEST,
 ) -> tuple[RecordMetadata | None, list[Fault]]:
     """Metadata with every fault in it; None when there is any. ``now`` is the latest instant but for clocks' error.
 
-    ``is_type`` tells whether a pump type is known.
+    ``is_type`` tells whether a pump type is known; ``earliest`` is the first instant that can be, None for any.
     """
     faults: list[Fault] = []
     texts = {
@@ -65,7 +71,7 @@ def checked_metadata(
         faults.append(
             Fault("pump_type", f"{texts['pump_type']!r} is not known; known: {', '.join(sorted(PUMP_TYPES))}")
         )
-    started_at = _instant(values.get("started_at"), now or datetime.now(UTC), faults)
+    started_at = _instant(values.get("started_at"), earliest, now or datetime.now(UTC), faults)
     hours = _number("flight_hours", values.get("flight_hours"), 0.0, 1e6, faults)
     reference = str(values.get("pressure_reference") or "gauge")
     if reference not in ("gauge", "absolute"):
@@ -103,17 +109,27 @@ def _text(name: str, value: Any, required: bool, faults: list[Fault]) -> str | N
         if required:
             faults.append(Fault(name, "is missing"))
         return None
-    if not isinstance(value, (str, int)) or isinstance(value, bool):
-        faults.append(Fault(name, f"is a {type(value).__name__}, not text"))
+    text = _written(value)
+    if text is None:
+        kind = f"the number {value!r}" if isinstance(value, float) else f"a {type(value).__name__}"
+        faults.append(Fault(name, f"is {kind}, not text"))
         return None
-    text = str(value).strip()
-    if len(text) > _LONGEST_TEXT or any(ord(c) < 32 or ord(c) in _HALVES for c in text):
-        faults.append(Fault(name, f"is longer than {_LONGEST_TEXT} characters or holds control characters"))
+    text = clean_name(text)
+    fault = name_fault(text)
+    if fault is not None:
+        faults.append(Fault(name, fault))
         return None
     return text
 
 
-def _instant(value: Any, now: datetime, faults: list[Fault]) -> datetime | None:
+def _written(value: Any) -> str | None:
+    """A text, or the digits of a whole number: some formats know no other numbers than floats. None for all else."""
+    if isinstance(value, float) and value.is_integer() and abs(value) <= _LARGEST_WHOLE:
+        value = int(value)
+    return str(value) if isinstance(value, (str, int)) and not isinstance(value, bool) else None
+
+
+def _instant(value: Any, earliest: datetime | None, now: datetime, faults: list[Fault]) -> datetime | None:
     if value is None or value == "":
         faults.append(Fault("started_at", "is missing"))
         return None
@@ -132,6 +148,10 @@ def _instant(value: Any, now: datetime, faults: list[Fault]) -> datetime | None:
         return None
     if instant > now + CLOCK_TOLERANCE:
         text = f"{value!s} lies in the future: check the recorder's clock and the time zone"
+        faults.append(Fault("started_at", text))
+        return None
+    if earliest is not None and instant < earliest:
+        text = f"{value!s} lies before {earliest:%Y}, before any such record: the recorder's clock was lost"
         faults.append(Fault("started_at", text))
         return None
     return instant

@@ -29,6 +29,7 @@ from service.ingest.file_formats import (
     FileFormat,
 )
 from service.ingest.inflate import inflated
+from service.ingest.looks import refuse_foreign
 from service.ingest.raw import Limits, RawFile, TextDialect
 
 _READERS: Mapping[FileFormat, ModuleType] = {
@@ -82,6 +83,7 @@ def parsed(
         if not content or content.isspace():
             raise Undecodable("the gzip file is empty", [Fault("body", "is empty")])
     named = next((f for f in FORMATS if kind in f.content_types), None)
+    refuse_foreign(content, named)
     named = named or next(f for f in FORMATS if f.begins(content))
     if not is_cut:
         return _read(named, content, limits, dialect or TextDialect())

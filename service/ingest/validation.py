@@ -1,10 +1,14 @@
 """Checks of the channels: every fault with its place; units that cannot be right by their medians, not by spikes."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 from numpy.typing import NDArray
 
 from service.errors import Fault
 from service.ingest.raw import MOST_FAULTS_OF_A_KIND, RawRecord, capped
+from service.ingest.scales import scale_faults
 from twin.parameters import PumpType
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, TIME
 
@@ -17,9 +21,6 @@ of the jump."""
 _STRETCHES = 10
 _SHORTEST_STRETCH = 10
 _LARGEST_RATE_CHANGE = 3.0
-_RUNNING_RPM = 200.0
-_LOWEST_OPERATING_FRACTION = 0.15
-"""A pump whose rotor turns is faster than this share of nominal; below it and above standstill sits a wrong unit."""
 # medians outside these cannot be what the name says; generous, so that a broken sensor is not taken for a unit
 _LIMITS: dict[str, tuple[float, float]] = {
     "fluid_temperature_degc": (-60.0, 180.0),
@@ -33,8 +34,14 @@ _LIMITS: dict[str, tuple[float, float]] = {
 }
 
 
-def channel_faults(raw: RawRecord, pump: PumpType) -> list[Fault]:
-    """Every fault of the channels: missing, empty, unequal, unordered, in a wrong unit."""
+def channel_faults(
+    raw: RawRecord, pump: PumpType, full_scales: Mapping[str, float] | None = MappingProxyType({})
+) -> list[Fault]:
+    """Every fault of the channels: missing, empty, unequal, unordered, in a wrong unit.
+
+    ``full_scales`` are those [bar] of the aircraft's own sensors by channel; None asks nothing of units: what has been
+    taken once is read as it is for ever.
+    """
     faults = [Fault(f"channels.{n}", "is missing") for n in REQUIRED_CHANNELS if n not in raw.channels]
     known = [n for n in (*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS) if n in raw.channels]
     lengths = {n: len(raw.channels[n]) for n in raw.channels}
@@ -46,7 +53,12 @@ def channel_faults(raw: RawRecord, pump: PumpType) -> list[Fault]:
             if k != usual
         ]
     if TIME in raw.channels:
-        faults += _time_faults(raw.channels[TIME])
+        time = raw.channels[TIME]
+        found = _time_faults(time)
+        pressure = raw.channels.get("discharge_pressure_bar")
+        if not found and pressure is not None and len(pressure) == len(time):
+            found = _sampling_faults(time, pressure)
+        faults += found
     for name in known:
         samples = raw.channels[name]
         if name == TIME or len(samples) == 0:
@@ -55,7 +67,9 @@ def channel_faults(raw: RawRecord, pump: PumpType) -> list[Fault]:
             faults.append(Fault(f"channels.{name}[{int(np.argmax(np.isinf(samples)))}]", "is infinite"))
         if np.isnan(samples).all():
             faults.append(Fault(f"channels.{name}", "holds no number at all"))
-    return faults + unit_faults({n: raw.channels[n] for n in known}, pump)
+    if full_scales is None:
+        return faults
+    return faults + unit_faults({n: raw.channels[n] for n in known}, pump, full_scales)
 
 
 def _time_faults(time: Samples) -> list[Fault]:
@@ -78,11 +92,12 @@ def _time_faults(time: Samples) -> list[Fault]:
             f"its largest gap is {(time[gap + 1] - time[gap]) / 3600.0:.4g} h after sample {gap}"
         )
         faults.append(Fault(f"channels.{TIME}", text))
-    return faults or _sampling_faults(time)
+    return faults
 
 
-def _sampling_faults(time: Samples) -> list[Fault]:
-    """A sampling rate that changes for good; single gaps and jitter leave the medians of long stretches alone."""
+def _sampling_faults(time: Samples, pressure: Samples) -> list[Fault]:
+    """A sampling rate of the pressure that changes for good; single gaps, jitter and other channels' rates do not."""
+    time = time[np.isfinite(pressure)]
     if len(time) < _STRETCHES * _SHORTEST_STRETCH:
         return []
     steps = np.diff(time)
@@ -101,45 +116,22 @@ def _sampling_faults(time: Samples) -> list[Fault]:
     return [Fault(f"channels.{TIME}[{(i + 1) * length}]", text)]
 
 
-def unit_faults(channels: dict[str, Samples], pump: PumpType) -> list[Fault]:
-    """Channels whose typical value cannot be in the unit of their name, with a guess at the unit they are in."""
-    faults = []
+def unit_faults(
+    channels: dict[str, Samples], pump: PumpType, full_scales: Mapping[str, float] = MappingProxyType({})
+) -> list[Fault]:
+    """Channels that cannot be in the unit of their name, with a guess at the unit they are in.
+
+    ``full_scales`` are those [bar] of the aircraft's own sensors by channel, where they are stated.
+    """
+    faults = scale_faults(channels, pump, full_scales)
+    told = {fault.where for fault in faults}
     for name, (low, high) in _LIMITS.items():
         level = _median(channels.get(name))
-        if level is None:
+        if level is None or f"channels.{name}" in told:
             continue
         if not low <= level <= high:
             text = f"is {level:g} in the middle, which cannot be {_unit(name)}{_guess(name, level)}"
             faults.append(Fault(f"channels.{name}", text))
-    return faults + _running_faults(channels, pump)
-
-
-def _running_faults(channels: dict[str, Samples], pump: PumpType) -> list[Fault]:
-    """Faults that only a running pump shows: speed in another unit, pressures a hundred times too small."""
-    pressure, speed = channels.get("discharge_pressure_bar"), channels.get("shaft_speed_rpm")
-    if pressure is None or speed is None or len(pressure) != len(speed) or len(speed) == 0:
-        return []
-    setting = pump.limits["zero_flow_pressure_low_bar"].value
-    faults = []
-    with np.errstate(invalid="ignore"):
-        pressurised = pressure > 0.5 * setting
-        turning = np.abs(speed) > _RUNNING_RPM
-    if pressurised.mean() > 0.1:
-        level = _median(np.abs(speed[pressurised]))
-        slowest = _LOWEST_OPERATING_FRACTION * pump.nominal_speed_rpm
-        if level is not None and 1.0 < level < slowest:
-            faults.append(
-                Fault(
-                    "channels.shaft_speed_rpm",
-                    f"is {level:g} while the pump delivers pressure, which cannot be rpm{_speed_guess(level, pump)}",
-                )
-            )
-    fast = turning & (np.abs(speed) > 0.5 * pump.nominal_speed_rpm)
-    if fast.mean() > 0.1:
-        level = _median(pressure[fast])
-        if level is not None and 0.8 * 0.1 * setting < level < 1.3 * 0.1 * setting:
-            text = f"is {level:g} while the pump runs, which cannot be bar: it looks like MPa"
-            faults.append(Fault("channels.discharge_pressure_bar", text))
     return faults
 
 
@@ -164,12 +156,4 @@ def _guess(name: str, level: float) -> str:
             return ": it looks like discharge pressure, or kPa"
         if name == "discharge_pressure_bar" and level > 1000.0:
             return ": it looks like psi or kPa"
-    return ""
-
-
-def _speed_guess(level: float, pump: PumpType) -> str:
-    nominal = pump.nominal_speed_rpm
-    for unit, factor in (("Hz", 60.0), ("rad/s", 9.549297), ("percent of nominal speed", nominal / 100.0)):
-        if 0.7 < level * factor / nominal < 1.3:
-            return f": it looks like {unit}"
     return ""

@@ -15,18 +15,21 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.access.security import Principal
-from service.errors import Conflict, Fault, Invalid, NotFound, Problem
+from service.errors import Conflict, Fault, Invalid, Problem
 from service.history.analysis import analysed, keep_analysis
 from service.history.archive import Archive, RegisteredType
 from service.history.arrival import known_aircraft
 from service.history.knowledge import setting_of
+from service.history.neighbours import look_alikes, newly_contradicted
 from service.identity import release_number
-from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
+from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord, FullScales
 from service.ingest.mapping_version import MappingVersion
-from service.ingest.metadata import TypeLookup
+from service.ingest.metadata import RecordMetadata, TypeLookup
+from service.ingest.names import look_of
 from service.ingest.parse import check_type
+from service.monitoring.flights import check_flight
 from service.monitoring.precedence import made_with, newer_release
-from service.monitoring.refold import Cause, refold
+from service.monitoring.refold import Cause, refold, refold_others
 from service.monitoring.renewal import reduced_again
 from service.pump_types.parameter_sets import find_type, held_type
 from service.storage.database import Database
@@ -144,7 +147,9 @@ class Acceptance:
             if row is None or row.status != STORED:
                 return
         try:
-            decoded = self._archive.decoded_again(row, self._registered(row.operator), self._types(row.operator))
+            operator = row.operator
+            lookups = self._registered(operator), self._types(operator), self._full_scales(operator)
+            decoded = self._archive.decoded_again(row, *lookups)
             if decoded.metadata.operator not in (None, row.operator):
                 raise Invalid("the file names another operator", [Fault("operator", "is not the uploader's")])
             self._finish(record_id, decoded, row.operator)
@@ -163,7 +168,18 @@ class Acceptance:
             upload.mapping,
             self._registered(operator),
             self._types(operator),
+            self._full_scales(operator),
         )
+
+    def _full_scales(self, operator: str) -> FullScales:
+        def fitted(metadata: RecordMetadata) -> Mapping[str, float]:
+            with self._database.reading() as session:
+                owner = metadata.operator or operator
+                place = metadata.aircraft, metadata.position
+                setting = setting_of(session, owner, metadata.pump_serial, *place, metadata.started_at)
+            return {sensor.channel: sensor.full_scale_bar for sensor in setting.sensors}
+
+        return fitted
 
     def _registered(self, operator: str) -> RegisteredType:
         def registered(named: str | None, serial: str) -> str | None:
@@ -193,7 +209,7 @@ class Acceptance:
             known = session.scalar(select(Record.id).where(Record.identity_hash == identity))
             if known is not None:
                 return Accepted(known, known=True)
-            _check_flight(session, decoded, operator, upload.supersedes)
+            check_flight(session, decoded, operator, upload.supersedes)
         record_id, known_now = self._keep(upload, operator, request_hash, principal)
         if known_now:
             return Accepted(record_id, known=True)
@@ -228,9 +244,10 @@ class Acceptance:
             setting = setting_of(session, operator, serial, metadata.aircraft, metadata.position, started_at)
         # the long part comes before the lock; what changes meanwhile, the fold notices by the key
         analysis = analysed(decoded.recording, kind, setting, thresholds)
+        cause, others = Cause("record_received", record_id), set[int]()
         try:
             with self._database.writing() as session:
-                pump = _locked_pump(session, operator, serial, name)
+                pump, is_new = _locked_pump(session, operator, serial, name)
                 known_aircraft(session, operator, metadata.aircraft)
                 row = session.get(Record, record_id, populate_existing=True)
                 if row is None or row.status != STORED:
@@ -239,10 +256,11 @@ class Acceptance:
                 if newer is not None:
                     row.waits_for = release_number(newer)
                     return False
-                _check_flight(session, decoded, operator, row.supersedes)
+                check_flight(session, decoded, operator, row.supersedes)
                 if row.supersedes:
                     older = session.get(Record, row.supersedes)
                     if older is not None:
+                        others |= newly_contradicted(session, older)
                         older.status, older.ended_at = SUPERSEDED, row.received_at
                         session.flush()
                 row.pump_id = pump.id
@@ -256,11 +274,15 @@ class Acceptance:
                 keep_analysis(row, analysis)
                 row.status, row.waits_for = ANALYSED, None
                 session.flush()
-                refold(session, pump, self._archive, Cause("record_received", record_id))
+                refold(session, pump, self._archive, cause)
+                others |= newly_contradicted(session, row)
+                if is_new:
+                    others |= {other.id for other in look_alikes(session, pump)}
         except IntegrityError:
             raise Conflict(
                 "the same flight, pump and segment was stored at the same moment by another upload"
             ) from None
+        refold_others(self._database, self._archive, others, cause)
         return True
 
     def _renew(self, operator: str, serial: str) -> None:
@@ -312,47 +334,21 @@ def _pump(session: Session, operator: str, serial: str) -> Pump | None:
     return session.scalar(select(Pump).where(Pump.operator == operator, Pump.serial == serial))
 
 
-def _locked_pump(session: Session, operator: str, serial: str, kind: str) -> Pump:
-    """The pump's row, locked until the transaction ends; made, unconfirmed, when it is not known."""
+def _locked_pump(session: Session, operator: str, serial: str, kind: str) -> tuple[Pump, bool]:
+    """The pump's row, locked until the transaction ends, and whether it is new: made, unconfirmed, when not known."""
     values = {
         "operator": operator,
         "serial": serial,
         "pump_type": kind,
         "confirmed": False,
         "created_at": datetime.now(UTC),
+        "look": look_of(serial),
     }
     insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
-    session.execute(insert(Pump).values(**values).on_conflict_do_nothing(index_elements=["operator", "serial"]))
+    wanted = insert(Pump).values(**values).on_conflict_do_nothing(index_elements=["operator", "serial"])
+    made = session.execute(wanted.returning(Pump.id)).first()
     query = select(Pump).where(Pump.operator == operator, Pump.serial == serial).with_for_update()
-    return session.scalars(query.execution_options(populate_existing=True)).one()
-
-
-def _check_flight(session: Session, decoded: DecodedRecord, operator: str, supersedes: str | None) -> None:
-    """Refuse a second record for the same flight, pump and segment unless it supersedes the first."""
-    metadata = decoded.metadata
-    pump = _pump(session, operator, metadata.pump_serial)
-    held = None
-    if pump is not None:
-        held = session.scalar(
-            select(Record).where(
-                Record.pump_id == pump.id,
-                Record.flight_id == metadata.flight_id,
-                Record.segment == metadata.segment,
-                Record.status == ANALYSED,
-            )
-        )
-    if supersedes is not None:
-        older = session.get(Record, supersedes)
-        if older is None or older.operator != operator:
-            raise NotFound(f"there is no record {supersedes} to supersede")
-        if held is None or held.id != supersedes:
-            raise Conflict(f"record {supersedes} is not the one that counts for this flight, pump and segment")
-    elif held is not None:
-        raise Conflict(
-            f"record {held.id} already stands for flight {metadata.flight_id} of pump {metadata.pump_serial}: "
-            f"repeat with ?supersedes={held.id} to replace it",
-            extra={"record_id": held.id},
-        )
+    return session.scalars(query.execution_options(populate_existing=True)).one(), made is not None
 
 
 def _request_hash(operator: str, upload: Upload) -> str:

@@ -29,7 +29,7 @@ def chain(known: Known, *versions: object) -> list[str]:
     last = ""
     for first, end in pieces(known.placed):
         for here, link in zip(known.placed[first:end], _of_piece(known, first, end, versions)[first:], strict=True):
-            last = _link(last, link, here.flags)
+            last = _link(last, link, here.flags, *known.remarks)
             links.append(last)
     return links
 

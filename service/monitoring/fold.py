@@ -76,7 +76,7 @@ def steps(
                 continue
             if assessment.verdict.state is not state or since is None:
                 state, since = assessment.verdict.state, assessment.at
-            verdict = _flagged(replace(assessment.verdict, since=since), carried[number - 1])
+            verdict = _flagged(replace(assessment.verdict, since=since), carried[number - 1], known.remarks)
             kept = snapshot(held) if number in snapshots_at else None
             yield Step(replace(assessment, verdict=verdict), kept)
 
@@ -97,8 +97,8 @@ def _carried_flags(placed: Sequence[PlacedRecord]) -> list[Mapping[str, int]]:
     return found
 
 
-def _flagged(verdict: Verdict, carried: Mapping[str, int]) -> Verdict:
-    if not carried:
+def _flagged(verdict: Verdict, carried: Mapping[str, int], remarks: tuple[str, ...]) -> Verdict:
+    if not carried and not remarks:
         return verdict
-    flags = tuple(f"{flag} ({n} record{'s' if n > 1 else ''})" for flag, n in sorted(carried.items()))
+    flags = remarks + tuple(f"{flag} ({n} record{'s' if n > 1 else ''})" for flag, n in sorted(carried.items()))
     return replace(verdict, quality=replace(verdict.quality, flags=verdict.quality.flags + flags))

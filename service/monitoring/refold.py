@@ -4,12 +4,14 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+import structlog
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
 from detectors.words.verdict import Assessment
 from service.alarms.ledger import follow
 from service.answers import verdicts as answers
+from service.errors import Problem
 from service.history.analysis import keep_analysis
 from service.history.archive import Archive
 from service.history.codec import trend_to_json, verdict_to_json
@@ -17,12 +19,14 @@ from service.history.knowledge import AnyRow, Knowledge, knowledge
 from service.history.known import Known
 from service.history.verdicts import empty_verdict
 from service.identity import software
+from service.ingest.names import look_of
 from service.monitoring import snapshots
 from service.monitoring.chain import chain
 from service.monitoring.fold import fold, steps
 from service.monitoring.precedence import left_to_newer, take_over
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
+from service.storage.database import Database
 from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
 
 
@@ -37,6 +41,7 @@ class Cause:
 REPROCESSED = Cause("reprocessed")
 _MOST_IDS = 500
 """Ids of one query: SQLite allows 999 bound values in old builds."""
+log = structlog.get_logger("casedrain")
 
 
 def refold(
@@ -64,6 +69,7 @@ def refold(
     if left_to_newer(session, pump):
         return
     _outline_older(session, pump)
+    pump.look = pump.look or look_of(pump.serial)
     found = knowledge(session, pump, archive)
     if found.anew:
         for row in session.scalars(select(Record).where(Record.id.in_(found.anew))):
@@ -97,6 +103,22 @@ def refold(
     after = {a.record_id: (a.at, a.verdict.state.value) for a in assessments}
     session.add_all(_revisions(pump, before, after, cause))
     follow(session, pump, found.thresholds.values)
+
+
+def refold_others(database: Database, archive: Archive, pump_ids: Collection[int], cause: Cause) -> None:
+    """Fold other pumps anew whose remarks a change has touched, each in a transaction of its own.
+
+    One that cannot be folded now keeps its verdicts until its next record.
+    """
+    for pump_id in sorted(pump_ids):
+        try:
+            with database.writing() as session:
+                query = select(Pump).where(Pump.id == pump_id).with_for_update()
+                pump = session.scalar(query.execution_options(populate_existing=True))
+                if pump is not None:
+                    refold(session, pump, archive, cause)
+        except Problem as problem:
+            log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
 
 
 def verdict_known_at(

@@ -9,6 +9,7 @@ from service.access import audit
 from service.access.security import Principal
 from service.errors import Conflict
 from service.history.archive import Archive
+from service.history.neighbours import newly_contradicted
 from service.monitoring.refold import Cause, refold
 from service.reading import queries
 from service.storage.tables import ANALYSED, WITHDRAWN, Pump, Record
@@ -27,7 +28,11 @@ def withdraw_record(session: Session, asker: Principal, record_id: str, reason: 
     found = queries.record(session, asker, record_id)
     if found.pump_id is None:
         raise Conflict(f"record {record_id} is {found.status}: only an analysed record can be withdrawn")
-    pump = session.scalars(select(Pump).where(Pump.id == found.pump_id).with_for_update()).one()
+    own = session.get_one(Pump, found.pump_id)
+    others = newly_contradicted(session, found)
+    # in the order of their numbers, as everywhere, so that nobody waits in a circle
+    query = select(Pump).where(Pump.id.in_({own.id, *others})).order_by(Pump.id).with_for_update()
+    pumps = session.scalars(query.execution_options(populate_existing=True)).all()
     session.refresh(found)
     if found.status == WITHDRAWN:
         return found
@@ -37,5 +42,6 @@ def withdraw_record(session: Session, asker: Principal, record_id: str, reason: 
     found.withdrawal = {"reason": reason, "author": asker.owner}
     audit.note(session, asker, "record.withdraw", f"record/{record_id}", found.operator, {"reason": reason})
     session.flush()
-    refold(session, pump, archive, Cause("record_withdrawn", record_id))
+    for pump in pumps:
+        refold(session, pump, archive, Cause("record_withdrawn", record_id))
     return found

@@ -16,6 +16,7 @@ from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
 from service.history.knowledge import registry_values
 from service.history.setting import DEFAULT_CIRCUIT
+from service.ingest.names import look_of
 from service.monitoring.refold import Cause, refold
 from service.registry.fields import Instant, Name
 from service.registry.locks import lock_aircraft, locked_pumps
@@ -97,6 +98,14 @@ def document(session: Session, row: Aircraft) -> answers.Aircraft:
     values = _DEFAULTS | registry_values(session, row.operator, "aircraft", row.name)
     named = {"aircraft": row.name, "operator": row.operator, **values, "created_at": instant(row.created_at)}
     return cast("answers.Aircraft", named)
+
+
+def look_alikes(session: Session, row: Aircraft) -> list[answers.LookAlike]:
+    """Other aircraft of the operator whose names are easily taken for this one's."""
+    query = select(Aircraft).where(Aircraft.operator == row.operator, Aircraft.id != row.id).order_by(Aircraft.name)
+    look = look_of(row.name)
+    alike = [other for other in session.scalars(query) if look_of(other.name) == look]
+    return [{"name": other.name, "since": instant(other.created_at)} for other in alike]
 
 
 def create(session: Session, operator: str, body: NewAircraft, author: str) -> Aircraft:

@@ -16,6 +16,7 @@ from service.access.security import Principal
 from service.bodies import Body
 from service.errors import Fault, Invalid, Problem, Undecodable
 from service.history.archive import Archive
+from service.history.neighbours import look_alikes
 from service.monitoring.refold import Cause, refold
 from service.reading import queries
 from service.registry import aircraft, installations, pumps
@@ -169,13 +170,14 @@ def _header_faults(kind: Kind, header: list[str]) -> list[Fault]:
     return faults + [Fault("line 1", f"column {n} is there twice") for n in {h for h in header if header.count(h) > 1}]
 
 
-def _apply_pump(session: Session, principal: Principal, line: PumpLine, archive: Archive, _moved: set[int]) -> _Outcome:
+def _apply_pump(session: Session, principal: Principal, line: PumpLine, archive: Archive, moved: set[int]) -> _Outcome:
     operator = principal.operator_of(line.operator)
     known = session.scalar(select(Pump.id).where(Pump.operator == operator, Pump.serial == line.serial))
     if known is None:
         row = pumps.create(
             session, operator, pumps.NewPump(serial=line.serial, pump_type=line.pump_type), principal.owner
         )
+        moved |= {other.id for other in look_alikes(session, row)}
     else:
         row = locked_pumps(session, (known,))[0]
     if (row.pump_type, row.confirmed) == (line.pump_type, line.confirmed):

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, AwareDatetime, StringConstraints
 
+from service.ingest.names import clean_name, name_fault
+
 
 def _sensible(instant: datetime) -> datetime:
     try:
@@ -22,13 +24,22 @@ def _printable(text: str) -> str:
     return text
 
 
+def _named(text: str) -> str:
+    name = clean_name(text)
+    fault = name_fault(name)
+    if fault is not None:
+        raise ValueError(fault)
+    return name
+
+
 Instant = Annotated[AwareDatetime, AfterValidator(_sensible)]
 """An instant with a time zone, in UTC."""
 Name = Annotated[
     str,
     StringConstraints(strip_whitespace=True, min_length=1, max_length=200, pattern=r"^[^\x00-\x1f]+$"),
+    AfterValidator(_named),
 ]
-"""A serial number, tail number, position …"""
+"""A serial number, tail number, position … in its one spelling, as a record's metadata has it."""
 Note = Annotated[str, StringConstraints(strip_whitespace=True, max_length=2000), AfterValidator(_printable)]
 """A few lines by hand (our choice: a page)."""
 Reason = Annotated[Note, StringConstraints(min_length=1)]

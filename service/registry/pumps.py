@@ -12,6 +12,7 @@ from service.errors import Conflict
 from service.history.archive import Archive
 from service.history.knowledge import registry_values
 from service.ingest.decode import DEFAULT_PUMP_TYPE
+from service.ingest.names import look_of
 from service.monitoring.refold import Cause, refold
 from service.pump_types.parameter_sets import asked_type
 from service.registry.fields import Name
@@ -54,6 +55,7 @@ def create(session: Session, operator: str, body: NewPump, author: str) -> Pump:
         pump_type=body.pump_type,
         confirmed=True,
         created_at=datetime.now(UTC),
+        look=look_of(body.serial),
     )
     session.add(pump)
     _append(session, pump, {"pump_type": body.pump_type, "confirmed": True}, author)

@@ -1,7 +1,9 @@
 """From files to a verdict without a server or a database: the same ingest, the same fold."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +18,12 @@ from detectors.words.verdict import Assessment
 from service.answers.verdicts import Verdict
 from service.errors import Problem
 from service.history.codec import trend_to_json, verdict_to_json
+from service.history.contradictions import Said, copies, names_alike, remarks_on
 from service.history.setting import DEFAULT_CIRCUIT
+from service.history.traits import Traits, traits_of, without_evidence
 from service.identity import software
 from service.ingest.decode import DEFAULT_PUMP_TYPE, Limits, decode
-from service.ingest.metadata import TypeLookup, built_in
+from service.ingest.metadata import RecordMetadata, TypeLookup, built_in
 from service.ingest.upload_files import content_type_of
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
@@ -36,6 +40,8 @@ class AnalysedFile:
     serial: str
     observation: Observation
     residuals: dict[str, Residual]
+    said: Said
+    remarks: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +84,7 @@ def analyse_files(
         metadata = decoded.metadata
         kind = instead or pump_type(metadata.pump_type or DEFAULT_PUMP_TYPE)
         reduction = reduce_recording(decoded.recording, kind, effective({}, kind))
+        traits = traits_of(decoded.recording, kind)
         observation = Observation(
             record_id=content_hash(content)[:32],
             at=metadata.started_at,
@@ -91,19 +98,43 @@ def analyse_files(
         window = reduction.zero_flow
         residuals = window_residuals(window, reduction.zero, kind, circuit) if window else {}
         files = by_pump.setdefault((metadata.pump_serial, kind.name), {})
-        files[observation.record_id] = AnalysedFile(path, metadata.pump_serial, observation, residuals)
+        said = _said(metadata, observation.record_id, traits)
+        files[observation.record_id] = AnalysedFile(
+            path, metadata.pump_serial, observation, residuals, said, traits.remarks
+        )
     pumps = []
     for (serial, name), files in sorted(by_pump.items()):
         kind = instead or pump_type(name)
-        observations = tuple(f.observation for f in files.values())
+        own = [f.said for f in files.values()]
+        again = copies(own)
+        observations = tuple(
+            replace(f.observation, reduction=without_evidence(f.observation.reduction)) if i in again else f.observation
+            for i, f in files.items()
+        )
         thresholds = effective({}, kind)
         history = History(observations)
         assessments = assess(history, kind, circuit, thresholds)
         condition = latest_condition(observations, kind)
         curve = damage_identification_curve(history, kind, circuit, thresholds, condition)
         verdict = _verdict(assessments, files, kind, thresholds)
+        verdict["quality"]["flags"] += _flags(files, own)
         pumps.append(AnalysedPump(serial, tuple(files.values()), assessments, verdict, curve))
     return OfflineAnalysis(tuple(pumps), tuple(refused))
+
+
+def _said(metadata: RecordMetadata, record_id: str, traits: Traits) -> Said:
+    names = (metadata.flight_id, metadata.segment, metadata.aircraft, metadata.position)
+    until = metadata.started_at + timedelta(seconds=traits.last_s)
+    hours, samples = metadata.flight_hours, traits.samples_hash
+    return Said(record_id, metadata.pump_serial, *names, metadata.started_at, until, hours, samples)
+
+
+def _flags(files: Mapping[str, AnalysedFile], own: Sequence[Said]) -> list[str]:
+    """Remarks on the files of one pump, counted, as a stored verdict has them."""
+    found = remarks_on(own, {}, ())
+    counts = Counter(words for i, f in files.items() for words in (*f.remarks, *found.get(i, ())))
+    flags = [f"{words} ({n} record{'s' if n > 1 else ''})" for words, n in sorted(counts.items())]
+    return names_alike(own) + flags
 
 
 def _verdict(

@@ -10,7 +10,7 @@ from http import HTTPStatus
 from urllib.parse import unquote_to_bytes
 
 import structlog
-from fastapi import APIRouter, FastAPI, Request, Response
+from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from prometheus_client import Counter, Histogram
@@ -47,6 +47,7 @@ from service.web.routes import (
     jobs,
     keys,
     mappings,
+    marks,
     operations,
     operators,
     pump_types,
@@ -61,6 +62,7 @@ from service.web.routes import (
     webhooks,
 )
 from service.web.routes import twin as twin_routes
+from service.web.whole_names import WholeNames, whole_names
 
 API_PREFIX = "/api/v1"
 _DAY_S = 86_400.0
@@ -103,12 +105,14 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
+        dependencies=[Depends(whole_names)],
     )
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
     api = APIRouter(prefix=API_PREFIX)
     for part in (
         bulk,
         records,
+        marks,
         spectrum,
         mappings,
         jobs,
@@ -144,6 +148,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_exception_handler(OperationalError, _on_met)
     app.add_exception_handler(DataError, _on_unstorable)
     app.add_exception_handler(Exception, _on_anything)
+    app.add_middleware(WholeNames)
     app.middleware("http")(_addressed)
     app.middleware("http")(_logged)
     return app

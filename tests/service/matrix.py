@@ -65,6 +65,7 @@ _CURVE = {
 }
 _TIGHT = {"slipper.h": {"value": 8.2, "unit": "um", "source": "bench run 12"}}
 _MAPPING = {"channels": [{"source": "HYD1_P", "channel": "discharge_pressure_bar", "unit": "psi"}]}
+MARK = {"start_s": 100.0, "end_s": 110.0, "mark": "bad", "reason": "plug was moved"}
 ENDING = ("DELETE", f"{API}/operators/{{operator}}")
 """Takes away everything that the other entries name."""
 
@@ -74,6 +75,11 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", f"{API}/records/{{record_id}}"): Entry("viewer", f"{API}/records/{{record}}", True),
     ("GET", f"{API}/records/{{record_id}}/windows"): Entry("viewer", f"{API}/records/{{record}}/windows", True),
     ("GET", f"{API}/records/{{record_id}}/raw"): Entry("viewer", f"{API}/records/{{record}}/raw", True),
+    ("GET", f"{API}/records/{{record_id}}/marks"): Entry("viewer", f"{API}/records/{{record}}/marks", True),
+    ("POST", f"{API}/records/{{record_id}}/marks"): Entry("engineer", f"{API}/records/{{record}}/marks", True, MARK),
+    ("DELETE", f"{API}/records/{{record_id}}/marks/{{mark_id}}"): Entry(
+        "engineer", f"{API}/records/{{record}}/marks/{{mark}}", True
+    ),
     ("GET", f"{API}/pumps"): Entry("viewer", f"{API}/pumps"),
     ("GET", f"{API}/pumps/{{serial}}"): Entry("viewer", f"{API}/pumps/{{pump}}", True),
     ("GET", f"{API}/pumps/{{serial}}/verdict"): Entry("viewer", f"{API}/pumps/{{pump}}/verdict", True),
@@ -298,11 +304,14 @@ def seeded(client: TestClient, operator: str, serial: str) -> dict[str, str]:
     wanted = {"kind": "report", "parameters": {"pump": serial}}
     report = client.post(f"{API}/jobs", json=wanted, headers=admin).json()["id"]
     _end_with_a_document(client, report)
+    marked = client.post(f"{API}/records/{record}/marks", json=MARK, headers=admin)
+    assert marked.status_code == 201, marked.text
     (alarm,) = client.get(f"{API}/alarms", headers=admin).json()["items"]
     return {
         "operator": operator,
         "pump": serial,
         "record": record,
+        "mark": marked.json()["id"],
         "burst": record,
         "mapping": mapping["name"],
         "job": job,

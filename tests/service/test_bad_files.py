@@ -166,8 +166,6 @@ def test_every_fault_of_a_file_comes_at_once() -> None:
         "aircraft",
         "line 5",
         "line 7, case_pressure_bar",
-        "channels.time_s[1]",
-        "channels.time_s[2]",
         "channels.shaft_speed_rpm",
         "channels.discharge_pressure_bar",
         "channels.fluid_temperature_degc",

@@ -4,7 +4,14 @@ from service.storage.tables.access import ApiKey, FailedSignIn, SignedIn, User
 from service.storage.tables.alarms import Alarm, AlarmAction, Delivery, Message, Webhook
 from service.storage.tables.audit import AuditEntry
 from service.storage.tables.base import Base, UtcDateTime
-from service.storage.tables.history import Entry, Finding, Installation, MaintenanceEvent, VerdictRevision
+from service.storage.tables.history import (
+    Entry,
+    Finding,
+    Installation,
+    MaintenanceEvent,
+    RecordMark,
+    VerdictRevision,
+)
 from service.storage.tables.jobs import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
 from service.storage.tables.mappings import StoredMapping
 from service.storage.tables.operators import Deletion, OperatorSettings
@@ -57,6 +64,7 @@ __all__ = [
     "OperatorSettings",
     "Pump",
     "Record",
+    "RecordMark",
     "ReductionOutline",
     "ReferenceCurve",
     "Refusal",

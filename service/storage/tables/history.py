@@ -66,6 +66,18 @@ class Finding(Entry, Base):
     note: Mapped[str]
 
 
+class RecordMark(Entry, Base):
+    """A stretch of a record [s from its start] that an engineer has judged: ``mark`` is ``good`` or ``bad``."""
+
+    __tablename__ = "record_marks"
+
+    record_id: Mapped[str] = mapped_column(ForeignKey("records.id"), index=True)
+    start_s: Mapped[float]
+    end_s: Mapped[float]
+    mark: Mapped[str]
+    reason: Mapped[str]
+
+
 class VerdictRevision(Base):
     """A past verdict that changed when the pump was folded anew, and why.
 

@@ -50,6 +50,8 @@ class Record(Base):
     the bytes, ``reduced_with`` names everything that reduction and residuals depend on
     besides the bytes. ``reduction_digest``, ``has_zero_flow`` and ``has_spectrum`` are what the fold needs of a reduction
     that it does not read; they follow every reduction that is assigned, and are empty on rows older than they.
+    ``finished_at`` is the instant of the last sample, ``samples_hash`` recognises the same samples under another name,
+    ``remarks`` are what looks odd in them: all three come with a reduction and are empty on rows older than they.
     ``reduced_by`` is the software that made the reduction, ``waits_for`` the release, as a number that sorts, whose
     processes are to analyse a stored record because they have judged its pump.
     """
@@ -67,6 +69,8 @@ class Record(Base):
             postgresql_where=text("status = 'analysed'"),
         ),
         Index("ix_records_status", "status"),
+        Index("ix_records_operator_samples_hash", "operator", "samples_hash"),
+        Index("ix_records_place", "operator", "aircraft", "position", "started_at"),
         Index("ix_records_received_at_id", "received_at", "id"),
         Index("ix_records_operator_received_at_id", "operator", "received_at", "id"),
     )
@@ -79,6 +83,7 @@ class Record(Base):
     flight_id: Mapped[str | None]
     segment: Mapped[str] = mapped_column(default="")
     started_at: Mapped[datetime | None]
+    finished_at: Mapped[datetime | None]
     pump_type: Mapped[str | None]
     flight_hours: Mapped[float | None]
     status: Mapped[str]
@@ -100,6 +105,8 @@ class Record(Base):
     reduction_digest: Mapped[str | None]
     has_zero_flow: Mapped[bool | None]
     has_spectrum: Mapped[bool | None]
+    samples_hash: Mapped[str | None]
+    remarks: Mapped[list[Any] | None]
     reduced_by: Mapped[dict[str, Any] | None]
     waits_for: Mapped[int | None]
 

@@ -13,12 +13,13 @@ from service.storage.tables.base import JSON_COLUMN, Base
 class Pump(Base):
     """A pump of an operator; ``confirmed`` is False for one that a record brought along.
 
+    ``look`` is what the serial number looks like to somebody in a hurry (``service.ingest.names``); empty on rows older than it.
     ``made_by`` is the release, as a number that sorts, of the newest process that has written the pump's reductions or
     verdicts, and ``made_with`` the hash of its code: empty where they are to be made again.
     """
 
     __tablename__ = "pumps"
-    __table_args__ = (UniqueConstraint("operator", "serial"),)
+    __table_args__ = (UniqueConstraint("operator", "serial"), Index("ix_pumps_operator_look", "operator", "look"))
 
     id: Mapped[int] = mapped_column(primary_key=True)
     operator: Mapped[str]
@@ -26,6 +27,7 @@ class Pump(Base):
     pump_type: Mapped[str]
     confirmed: Mapped[bool]
     created_at: Mapped[datetime]
+    look: Mapped[str | None]
     made_by: Mapped[int | None]
     made_with: Mapped[str | None]
 

@@ -81,6 +81,8 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("POST", "/thresholds/preview"): (404,),
     ("POST", "/records/bulk"): (400, 404, 413, 415),
     ("GET", "/records/{record_id}/spectrum"): (409, 503),
+    ("POST", "/records/{record_id}/marks"): (409, 503),
+    ("DELETE", "/records/{record_id}/marks/{mark_id}"): (409, 503),
     ("POST", "/mappings"): (409,),
     ("PUT", "/mappings/{name}"): (409, 412, 428),
     ("POST", "/mappings/preview"): (400, 404, 413, 415),

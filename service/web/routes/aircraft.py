@@ -1,6 +1,6 @@
 """Aircraft: list, register, look up, change, and the trend of a position."""
 
-from typing import Annotated
+from typing import Annotated, cast
 
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
@@ -8,13 +8,14 @@ from sqlalchemy.exc import IntegrityError
 from detectors.words.verdict import TREND_METRICS
 from service.access import audit
 from service.answers.pumps import PositionTrend, PositionTrendPoint
-from service.answers.registry import Aircraft
+from service.answers.registry import Aircraft, AircraftMade
 from service.answers.words import Page
 from service.errors import Conflict
 from service.reading import queries
 from service.reading.trend import check_metric, points_of, thinned
 from service.registry import aircraft as registry
 from service.registry.fields import Instant
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -39,8 +40,8 @@ def listed(
 
 
 @router.post("", status_code=201, summary="Register an aircraft")
-def create(body: registry.NewAircraft, response: Response, context: ContextOf, asker: Asker) -> Aircraft:
-    """Register an aircraft with its fluid, circuit and sensors."""
+def create(body: registry.NewAircraft, response: Response, context: ContextOf, asker: Asker) -> AircraftMade:
+    """Register an aircraft with its fluid, circuit and sensors; the answer names others that it is easily taken for."""
     asker.require("engineer")
     operator = asker.operator_of(body.operator)
     try:
@@ -48,8 +49,11 @@ def create(body: registry.NewAircraft, response: Response, context: ContextOf, a
             row = registry.create(session, operator, body, asker.owner)
             details = body.model_dump(mode="json", exclude_unset=True)
             audit.note(session, asker, "aircraft.register", f"aircraft/{row.name}", row.operator, details)
-            response.headers["Location"] = f"/api/v1/aircraft/{row.name}"
-            return registry.document(session, row)
+            response.headers["Location"] = location("aircraft", row.name)
+            made = cast("AircraftMade", registry.document(session, row))
+            if alike := registry.look_alikes(session, row):
+                made["looks_like"] = alike
+            return made
     except IntegrityError:
         raise Conflict(f"aircraft {body.aircraft} was registered at the same moment") from None
 

@@ -251,6 +251,11 @@ def _shown(row: StoredMapping) -> Mapping:
         "metadata": mapping["metadata"],
         "defaults": mapping["defaults"],
         "csv": mapping["csv"],
+        "constants": mapping["constants"],
+        "time": mapping["time"],
+        "leave_out": mapping["leave_out"],
+        "file_name": mapping["file_name"],
+        "tables": mapping["tables"],
         "author": row.author,
         "created_at": instant(row.created_at),
     }

@@ -1,7 +1,7 @@
 """Pumps: list, one, verdicts, trends, damage identification curve."""
 
 from datetime import UTC, datetime
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
@@ -11,10 +11,12 @@ from detectors.words.verdict import TREND_METRICS
 from service.access import audit
 from service.answers import pumps as answers
 from service.answers import verdicts as answered
+from service.answers.registry import LookAlike
 from service.answers.verdicts import Verdict, VerdictChange
 from service.answers.words import Page, instant
 from service.errors import Conflict
-from service.monitoring.refold import verdict_known_at
+from service.history.neighbours import look_alikes
+from service.monitoring.refold import Cause, refold_others, verdict_known_at
 from service.reading import queries
 from service.reading.curve import curve_of
 from service.reading.fleet import pump_documents
@@ -26,6 +28,7 @@ from service.registry.fields import Instant
 from service.registry.installations import current_installation
 from service.registry.locks import locked_pump
 from service.storage.tables import VerdictRevision
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -51,8 +54,8 @@ def listed(
 
 
 @router.post("", status_code=201, summary="Register a pump")
-def create(body: registry.NewPump, response: Response, context: ContextOf, asker: Asker) -> answers.Pump:
-    """Register a pump before its first record."""
+def create(body: registry.NewPump, response: Response, context: ContextOf, asker: Asker) -> answers.PumpMade:
+    """Register a pump before its first record; the answer names others that it is easily taken for."""
     asker.require("engineer")
     operator = asker.operator_of(body.operator)
     try:
@@ -60,10 +63,17 @@ def create(body: registry.NewPump, response: Response, context: ContextOf, asker
             row = registry.create(session, operator, body, asker.owner)
             details = body.model_dump(mode="json", exclude_unset=True)
             audit.note(session, asker, "pump.register", f"pump/{row.serial}", row.operator, details)
-            response.headers["Location"] = f"/api/v1/pumps/{row.serial}"
-            return pump_documents(session, [row])[0]
+            response.headers["Location"] = location("pumps", row.serial)
+            alike = look_alikes(session, row)
+            named: list[LookAlike] = [{"name": p.serial, "since": instant(p.created_at)} for p in alike]
+            made = cast("answers.PumpMade", pump_documents(session, [row])[0])
+            if named:
+                made["looks_like"] = named
+            others = {p.id for p in alike}
     except IntegrityError:
         raise Conflict(f"pump {body.serial} was registered at the same moment") from None
+    refold_others(context.database, context.archive, others, Cause("pump_registered", body.serial))
+    return made
 
 
 @router.get("/{serial}", summary="One pump")

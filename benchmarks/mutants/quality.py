@@ -1,0 +1,35 @@
+"""Changes of what is refused and what is flagged: whole scales, contradictions, names."""
+
+from benchmarks.mutants.catalogue import Mutant
+
+_SCALES, _CONTRADICTIONS, _NAMES = (
+    ("tests.service.test_scales",),
+    ("tests.service.test_contradictions",),
+    ("tests.service.test_names",),
+)
+
+
+def _scale(fragment: str, replacement: str) -> Mutant:
+    return Mutant("quality", "service.ingest.scales", fragment, replacement, _SCALES)
+
+
+def _contradiction(fragment: str, replacement: str) -> Mutant:
+    select = "TestRemarks or from_a_lost_clock or samples_are"
+    return Mutant("quality", "service.history.contradictions", fragment, replacement, _CONTRADICTIONS, select)
+
+
+def _name(module: str, fragment: str, replacement: str, select: str) -> Mutant:
+    return Mutant("quality", module, fragment, replacement, _NAMES, select)
+
+
+MUTANTS: tuple[Mutant, ...] = (
+    _scale("most = running or off", "most = off or running"),
+    _scale("_BEYOND = 1.25", "_BEYOND = 0.9"),
+    _scale("if most is None or full_scale is None or _scatters(most):", "if most is None or full_scale is None:"),
+    _scale("full_scales.get(name) or (sensor", "(sensor"),
+    _contradiction("here.hours < before.hours - tolerance", "here.hours < before.hours + tolerance"),
+    _contradiction("return not _fewer(before, after, CLEARLY_HOURS)", "return True"),
+    _contradiction("if said.flight_id == here.flight_id and same_place:", "if False:"),
+    _name("service.ingest.names", 'if name in (".", ".."):', 'if name == ".":', "refused_with_the_reason"),
+    _name("service.web.whole_names", '.replace("/", _STAND_IN)', "", "end_of_another"),
+)
