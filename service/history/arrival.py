@@ -15,8 +15,11 @@ def known_aircraft(session: Session, operator: str, name: str, *, for_change: bo
     Records share the lock among themselves; ``for_change`` shuts out everybody else. It is taken at once in its final
     strength: two holders of a shared lock that both wish for more would wait for each other.
     """
+    query = select(Aircraft.id).where(Aircraft.operator == operator, Aircraft.name == name)
+    query = query.with_for_update(read=not for_change)
+    if session.scalar(query) is not None:  # all but the first record of an aircraft
+        return
     values = {"operator": operator, "name": name, "created_at": datetime.now(UTC)}
     insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
     session.execute(insert(Aircraft).values(**values).on_conflict_do_nothing(index_elements=["operator", "name"]))
-    query = select(Aircraft.id).where(Aircraft.operator == operator, Aircraft.name == name)
-    session.execute(query.with_for_update(read=not for_change))
+    session.execute(query)

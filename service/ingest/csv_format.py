@@ -10,7 +10,7 @@ from service.ingest.csv_cells import Columns, columns_by_cell
 from service.ingest.csv_columnar import columns_at_once
 from service.ingest.csv_layout import Layout, layout_of
 from service.ingest.csv_words import KNOWN_CHANNELS
-from service.ingest.raw import Limits, RawFile, Table, TextDialect, check_size
+from service.ingest.raw import Limits, RawFile, Table, TextDialect, check_columns, check_size
 
 _SHORTEST_ROW = 2
 """Bytes of the shortest row."""
@@ -39,6 +39,7 @@ def parsed(content: bytes, limits: Limits, dialect: TextDialect | None = None) -
 
 def _check_size(layout: Layout, limits: Limits) -> None:
     width = len(layout.names)
+    check_columns(width)
     n_rows = layout.size // max(_SHORTEST_ROW, width)
     # counted only where there may be too many
     if n_rows > limits.rows or n_rows * width * 8 > limits.inflated_bytes:

@@ -18,6 +18,7 @@ from service.ingest.raw import (
     RawFile,
     Table,
     capped,
+    check_columns,
     check_size,
 )
 
@@ -61,7 +62,7 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
     for name in METADATA:
         if isinstance(metadata.get(name), (list, dict)):
             faults.append(Fault(name, f"is a {type(metadata[name]).__name__}, not a single value"))
-    check_size(0, len(raw), limits)
+    check_columns(len(raw))
     table = Table({})
     not_kept: dict[str, str] = {}
     for name, samples in raw.items():

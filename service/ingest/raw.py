@@ -198,13 +198,23 @@ def check_size(n_rows: int, n_channels: int, limits: Limits) -> None:
     """
     if n_rows > limits.rows:
         raise TooLarge(f"the file has {n_rows} rows, more than {limits.rows}: split the record into segments")
-    if n_channels > MOST_COLUMNS:
-        raise TooLarge(f"the file has {n_channels} columns, more than {MOST_COLUMNS}: leave out channels")
     if n_rows * n_channels * _BYTES_PER_SAMPLE > limits.inflated_bytes:
         raise TooLarge(
             f"{n_rows} rows of {n_channels} channels inflate to more than {limits.inflated_bytes} bytes: "
             "leave out channels or split the record into segments"
         )
+
+
+def check_columns(n_columns: int) -> None:
+    """Refuse a table whose names alone cost too much.
+
+    Raises
+    ------
+    TooLarge
+        naming the limit.
+    """
+    if n_columns > MOST_COLUMNS:
+        raise TooLarge(f"the file has {n_columns} columns, more than {MOST_COLUMNS}: leave out channels")
 
 
 def plain(value: Any) -> Any:

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.fuzz_readers import fuzzed
 from service.demo.fleet import DemoRecord
 from service.errors import Fault, Invalid, Problem, TooLarge, Undecodable, UnknownType
 from service.ingest.decode import DecodedRecord, Limits, checked, decode
@@ -169,3 +170,11 @@ def test_every_fault_of_a_file_comes_at_once() -> None:
         "channels.discharge_pressure_bar",
         "channels.fluid_temperature_degc",
     } <= set(found)
+
+
+def test_readers_bear_whatever_was_made_of_good_files() -> None:
+    """A stretch of what ``benchmarks.fuzz_readers`` reads a hundred thousand of, in a process that may be lost."""
+    found = fuzzed(300, first=6_000_000)
+    assert found["remarkable"] == []
+    assert sum(found["counts"].values()) == 300
+    assert {name.partition(" ")[2] for name in found["counts"]} == {"read", "refused"}
