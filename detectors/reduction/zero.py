@@ -28,7 +28,8 @@ def pump_off_zero(
 
     Gaps inside a stretch are bridged up to the stated share. The first settled stretch counts (before the run-up the
     line has rested longest); after a shutdown the pressure is given time to decay. Without one, the offset is unknown
-    with the sensor's prior spread; so it is where the case pressure was not recorded there. A stretch that lies within one of ``good`` [s] is taken as it stands.
+    with the sensor's prior spread; so it is where the case pressure was not recorded there. A stretch that lies within
+    one of ``good`` [s] is taken as it stands.
     """
     unknown_zero = Zero(0.0, pump.population["case_zero_bar"].value, measured=False)
     speed = np.abs(recording["shaft_speed_rpm"])

@@ -28,7 +28,8 @@ def repaired(raw: RawRecord) -> RawRecord:
     """The record in order of time, each instant once, with a flag for everything that was mended.
 
     Rows are only moved where their times say where to. A clock that was set back goes on from where it was, by its usual
-    step; a single stamp far off and a record that starts over are left to be refused. Optional channels without a single number are left out: an empty column is a sensor that is not there.
+    step; a single stamp far off and a record that starts over are left to be refused. Optional channels without a single
+    number are left out: an empty column is a sensor that is not there.
     """
     flags = list(raw.flags)
     channels = dict(raw.channels)
