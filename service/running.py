@@ -1,5 +1,6 @@
 """A service put together from its settings: database, raw store, parser, acceptance."""
 
+from service.access.installation import cursor_key
 from service.context import Context
 from service.history.archive import Archive
 from service.ingest.parser_pool import ParserLimits, ParserPool
@@ -31,8 +32,8 @@ def opened(settings: Settings) -> Context:
         upgrade(settings.effective_database_url)
     raw_store = RawStore(settings.effective_raw_store_url)
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
-    spool = Spool(settings.effective_spool_dir)
+    spool = Spool(settings.effective_spool_dir, settings.min_free_bytes)
     parser_limits = ParserLimits(settings.max_parse_seconds, settings.max_parse_memory_bytes)
     parser = ParserPool(spool.folder, parser_limits, settings.parse_workers)
     archive = Archive(raw_store, spool, parser, limits)
-    return Context(settings, database, archive, Acceptance(database, archive))
+    return Context(settings, database, archive, Acceptance(database, archive), cursor_key(database))

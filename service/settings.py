@@ -37,6 +37,18 @@ class Settings(BaseSettings):
     max_parse_seconds: float = Field(default=60.0, gt=0.0)
     max_parse_memory_bytes: int = Field(default=2 * 2**30, ge=64 * 2**20)
     parse_workers: int = Field(default=2, ge=1, le=64)
+    max_body_bytes: int = Field(default=2**20, ge=1024)
+    """Of a request that is no upload; looked at before its key is."""
+    body_stall_seconds: float = Field(default=20.0, gt=0.0)
+    """Longest pause within a request's head or body."""
+    drain_seconds: float = Field(default=10.0, ge=0.0, le=3600.0)
+    """What a stop gives to requests in hand; `/readyz` says no from its beginning."""
+    drain_notice_seconds: float = Field(default=0.0, ge=0.0, le=600.0)
+    """How long a stop still takes requests after `/readyz` has said no: time for a load balancer to look."""
+    min_free_bytes: int = Field(default=64 * 2**20, ge=0)
+    """Room that uploads leave on a disk, or a tenth of a small disk; `/readyz` says no at twice as much."""
+    trusted_proxies: str = ""
+    """Addresses or networks, with commas, whose `X-Forwarded-For` and `X-Forwarded-Proto` count; by default nobody's."""
     job_concurrency: int = Field(default=1, ge=1, le=64)
     worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
     """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""
@@ -55,6 +67,11 @@ class Settings(BaseSettings):
     def webhook_hosts(self) -> frozenset[str]:
         """Hosts on the premises that webhooks may reach, from a list with commas."""
         return frozenset(h.strip().lower() for h in self.webhook_allowed_hosts.split(",") if h.strip())
+
+    @cached_property
+    def proxies(self) -> list[str]:
+        """Addresses and networks of trusted proxies."""
+        return [p.strip() for p in self.trusted_proxies.split(",") if p.strip()]
 
     @property
     def effective_spool_dir(self) -> Path:

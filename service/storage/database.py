@@ -9,13 +9,19 @@ from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Connection, Engine, create_engine, event, text
-from sqlalchemy.engine import make_url
+from sqlalchemy import Connection, Engine, create_engine, event, exc, text
+from sqlalchemy.engine import ExceptionContext, make_url
 from sqlalchemy.orm import Session, sessionmaker
 
 import service
+from service.errors import Invalid
+from service.storage.failures import UNSTORABLE
 
 _CONNECT_TIMEOUT_S = 5
+_POOL_TIMEOUT_S = 10
+"""Longest wait for a connection of the pool; then the request is told to come back."""
+_LOCK_TIMEOUT_MS = 30_000
+"""Longest wait for what another transaction holds: a pump that is folded, a table that is migrated."""
 
 
 class Database:
@@ -30,6 +36,12 @@ class Database:
     @property
     def is_sqlite(self) -> bool:
         return self.engine.dialect.name == "sqlite"
+
+    @property
+    def folders(self) -> list[Path]:
+        """Folder of an SQLite file; none for a server's database, whose disk is not ours to look at."""
+        name = self.engine.url.database if self.is_sqlite else None
+        return [Path(name).resolve().parent] if name and name != ":memory:" else []
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
@@ -61,6 +73,7 @@ def _engine(url: str) -> Engine:
         engine = create_engine(parsed, connect_args={"timeout": 30, "check_same_thread": False})
         event.listen(engine, "connect", _on_sqlite_connect)
         event.listen(engine, "begin", _on_sqlite_begin)
+        event.listen(engine, "handle_error", _on_unstorable)
         return engine
     if parsed.drivername == "postgresql":
         parsed = parsed.set(drivername="postgresql+psycopg")
@@ -73,15 +86,26 @@ def _engine(url: str) -> Engine:
         "keepalives_interval": 5,
         "keepalives_count": 3,
         "tcp_user_timeout": 15_000,
-        "options": "-c statement_timeout=60000 -c timezone=UTC",
+        "options": f"-c statement_timeout=60000 -c lock_timeout={_LOCK_TIMEOUT_MS} -c timezone=UTC",
     }
-    return create_engine(parsed, pool_pre_ping=True, pool_size=10, max_overflow=10, connect_args=options)
+    pool = {"pool_pre_ping": True, "pool_size": 10, "max_overflow": 10, "pool_timeout": _POOL_TIMEOUT_S}
+    engine = create_engine(parsed, connect_args=options, **pool)
+    event.listen(engine, "handle_error", _on_unstorable)
+    return engine
+
+
+def _on_unstorable(context: ExceptionContext) -> None:
+    """Values that the driver cannot write: a number beyond 64 bits, half a surrogate pair, a NUL for Postgres."""
+    if isinstance(context.original_exception, OverflowError | UnicodeEncodeError) or (
+        isinstance(context.sqlalchemy_exception, exc.DataError)
+    ):
+        raise Invalid(UNSTORABLE) from context.original_exception
 
 
 def _on_sqlite_connect(connection: Any, _record: Any) -> None:
     connection.isolation_level = None  # SQLAlchemy's begin event decides how a transaction starts
     cursor = connection.cursor()
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000", "foreign_keys=ON"):
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000", "foreign_keys=ON", "secure_delete=ON"):
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()
 

@@ -61,7 +61,12 @@ def known_principal(database: Database, key: str) -> Principal:
     return found
 
 
-ContextOf = Annotated[Context, Depends(context_of)]
+async def _context(request: Request) -> Context:
+    # a coroutine costs no thread: who waits for one of forty would not be told that the database hangs
+    return context_of(request)
+
+
+ContextOf = Annotated[Context, Depends(_context)]
 
 
 Asker = Annotated[Principal, Depends(principal)]

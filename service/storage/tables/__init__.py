@@ -5,6 +5,7 @@ from service.storage.tables.alarms import Alarm, AlarmAction, Delivery, Message,
 from service.storage.tables.audit import AuditEntry
 from service.storage.tables.base import Base, UtcDateTime
 from service.storage.tables.history import Entry, Finding, Installation, MaintenanceEvent, VerdictRevision
+from service.storage.tables.installation import InstallationValue
 from service.storage.tables.jobs import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
 from service.storage.tables.mappings import StoredMapping
 from service.storage.tables.operators import Deletion, OperatorSettings
@@ -50,6 +51,7 @@ __all__ = [
     "Finding",
     "FoldSnapshot",
     "Installation",
+    "InstallationValue",
     "Job",
     "JobItem",
     "MaintenanceEvent",

@@ -15,6 +15,7 @@ from service.reading import queries
 from service.reading.trend import check_metric, points_of, thinned
 from service.registry import aircraft as registry
 from service.registry.fields import Instant
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -48,7 +49,7 @@ def create(body: registry.NewAircraft, response: Response, context: ContextOf, a
             row = registry.create(session, operator, body, asker.owner)
             details = body.model_dump(mode="json", exclude_unset=True)
             audit.note(session, asker, "aircraft.register", f"aircraft/{row.name}", row.operator, details)
-            response.headers["Location"] = f"/api/v1/aircraft/{row.name}"
+            response.headers["Location"] = location("aircraft", row.name)
             return registry.document(session, row)
     except IntegrityError:
         raise Conflict(f"aircraft {body.aircraft} was registered at the same moment") from None

@@ -19,6 +19,7 @@ from service.registry import maintenance as maintenance_entries
 from service.registry.entries import entry, withdraw
 from service.registry.locks import locked_pump
 from service.storage.tables import Finding, MaintenanceEvent, Pump
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 
@@ -49,7 +50,7 @@ def install(
         pump = locked_pump(session, asker, serial, operator)
         row = installation_entries.create(session, pump, body, asker.owner, context.archive)
         _note(session, asker, pump, "installation.enter", row.id, body)
-        response.headers["Location"] = f"/api/v1/pumps/{serial}/installations/{row.id}"
+        response.headers["Location"] = location("pumps", serial, "installations", row.id)
         return installation_entries.document(row)
 
 
@@ -109,7 +110,7 @@ def maintain(
         pump = locked_pump(session, asker, serial, operator)
         row = maintenance_entries.create(session, pump, body, asker.owner, context.archive)
         _note(session, asker, pump, "maintenance.enter", row.id, body)
-        response.headers["Location"] = f"/api/v1/pumps/{serial}/maintenance/{row.id}"
+        response.headers["Location"] = location("pumps", serial, "maintenance", row.id)
         return maintenance_entries.document(row)
 
 
@@ -167,7 +168,7 @@ def find(
         pump = locked_pump(session, asker, serial, operator)
         row = finding_entries.create(session, pump, body, asker.owner)
         _note(session, asker, pump, "finding.enter", row.id, body)
-        response.headers["Location"] = f"/api/v1/pumps/{serial}/findings/{row.id}"
+        response.headers["Location"] = location("pumps", serial, "findings", row.id)
         return finding_entries.document(row)
 
 

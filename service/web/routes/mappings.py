@@ -20,6 +20,7 @@ from service.ingest.mapping import ChannelMapping
 from service.ingest.mappings import append_version, latest_mapping, mapping_version, mappings
 from service.ingest.preview import preview
 from service.storage.tables import StoredMapping
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -91,7 +92,7 @@ def make(body: NewMapping, response: Response, context: ContextOf, asker: Asker,
         else:
             raise Conflict(f"there is a channel mapping {body.name} already: change it with PUT /mappings/{body.name}")
     response.headers["ETag"] = _etag(row)
-    response.headers["Location"] = f"/api/v1/mappings/{row.name}"
+    response.headers["Location"] = location("mappings", row.name)
     return _shown(row)
 
 

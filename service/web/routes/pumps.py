@@ -26,6 +26,7 @@ from service.registry.fields import Instant
 from service.registry.installations import current_installation
 from service.registry.locks import locked_pump
 from service.storage.tables import VerdictRevision
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -60,7 +61,7 @@ def create(body: registry.NewPump, response: Response, context: ContextOf, asker
             row = registry.create(session, operator, body, asker.owner)
             details = body.model_dump(mode="json", exclude_unset=True)
             audit.note(session, asker, "pump.register", f"pump/{row.serial}", row.operator, details)
-            response.headers["Location"] = f"/api/v1/pumps/{row.serial}"
+            response.headers["Location"] = location("pumps", row.serial)
             return pump_documents(session, [row])[0]
     except IntegrityError:
         raise Conflict(f"pump {body.serial} was registered at the same moment") from None
