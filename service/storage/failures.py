@@ -2,11 +2,15 @@
 
 import errno
 import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
 
+import structlog
 from sqlalchemy import exc
 
 from service.errors import Invalid, Problem, StorageFull, Unavailable
 
+log = structlog.get_logger("casedrain")
 RETRY_AFTER_S = 2
 """When a client may come back after a failure that passes (our choice: a restart of a database takes some seconds)."""
 _PASSING_CLASSES = ("08", "53", "57", "58")
@@ -44,6 +48,18 @@ def problem_of(error: BaseException) -> Problem | None:
             return found
         current = current.__cause__
     return None
+
+
+@contextmanager
+def passing_failures(what: str) -> Iterator[None]:
+    """Go on where the block fails because database or disk are away or full; the log says ``what`` was not done."""
+    try:
+        yield
+    except Exception as error:
+        problem = problem_of(error)
+        if problem is None:
+            raise
+        log.warning(what, problem=problem.detail)
 
 
 def is_full(error: BaseException) -> bool:

@@ -2,14 +2,15 @@
 
 import json
 import re
+from collections.abc import Iterable
+from functools import lru_cache
 from http import HTTPStatus
 from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
-from starlette.routing import BaseRoute, Match
-from starlette.types import Scope
+from starlette.routing import BaseRoute, compile_path
 
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Undecodable, UnknownType
 from service.web.answer_route import unknown_parameters
@@ -70,7 +71,7 @@ async def _on_http(request: Request, error: Exception) -> Response:
     headers = dict(error.headers or {})
     detail = str(error.detail)
     if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
-        methods = allowed_methods(request.app.router.routes, request.scope)
+        methods = allowed_methods(request.app.router.routes, request.scope["path"])
         headers["Allow"] = ", ".join(methods)
         detail = f"this address knows {', '.join(methods)}"
     elif error.status_code == HTTPStatus.BAD_REQUEST:
@@ -84,13 +85,19 @@ async def _on_http(request: Request, error: Exception) -> Response:
     return ProblemResponse(answer)
 
 
-def allowed_methods(routes: list[BaseRoute], scope: Scope) -> list[str]:
-    """Methods of every route at a request's address, in alphabetical order; HEAD goes with GET."""
+def allowed_methods(routes: Iterable[BaseRoute], path: str) -> list[str]:
+    """Methods of every route at an address, in alphabetical order; HEAD goes with GET."""
     found: set[str] = set()
-    # the scope may have been narrowed by a route that matched half
-    bare = {key: value for key, value in scope.items() if key not in ("route", "endpoint", "path_params")}
     for route in routes:
-        match, _ = route.matches({**bare, "method": "-"})
-        if match is Match.PARTIAL:
-            found |= set(getattr(route, "methods", None) or ())
+        # a router that was taken in gives its routes as they stand in the application
+        parts: Iterable[Any] = getattr(route, "effective_route_contexts", lambda route=route: [route])()
+        for part in parts:
+            methods = getattr(part, "methods", None)
+            if methods and _pattern(part.path).match(path):
+                found |= methods
     return sorted(found | ({"HEAD"} if "GET" in found else set()))
+
+
+@lru_cache(maxsize=1000)
+def _pattern(path: str) -> re.Pattern[str]:
+    return compile_path(path)[0]
