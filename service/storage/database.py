@@ -1,6 +1,6 @@
 """Engine and sessions: the same code for SQLite and Postgres, one transaction per request."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -59,6 +59,24 @@ class Database:
         """Ask the database for one row; raises what the driver raises."""
         with self.engine.connect() as connection:
             connection.execute(text("SELECT 1"))
+
+    def write_over_freed(self, tables: Iterable[str]) -> None:
+        """Leave nothing of deleted rows in the files: SQLite's pages and its log, Postgres' dead rows of ``tables``.
+
+        It may take as long as the database is large; a full disk or others that read raise what the driver raises.
+        """
+        with self.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+            if not self.is_sqlite:
+                for name in tables:
+                    connection.exec_driver_sql(f'VACUUM "{name}"')
+                return
+        raw = self.engine.raw_connection()
+        try:
+            # what was deleted now is zeroed already (secure_delete); the rest may be from before that was so
+            for statement in ("PRAGMA wal_checkpoint(TRUNCATE)", "VACUUM", "PRAGMA wal_checkpoint(TRUNCATE)"):
+                raw.cursor().execute(statement)
+        finally:
+            raw.close()
 
     def close(self) -> None:
         """Close every pooled connection."""

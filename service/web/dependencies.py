@@ -5,9 +5,10 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from service.access.security import EVERYBODY, Principal, principal_of, touch_key
-from service.access.sessions import SESSION_COOKIE, Visitor, find_session
+from service.access.sessions import Visitor, find_session, session_cookie
 from service.context import Context
 from service.errors import Unauthenticated
+from service.settings import is_loopback
 from service.storage.database import Database
 from service.storage.failures import passing_failures
 
@@ -42,8 +43,13 @@ def principal(request: Request) -> Principal:
 def visitor_of(request: Request) -> Visitor | None:
     """Who is signed in to the pages; None without a living session."""
     context = context_of(request)
-    token = request.cookies.get(SESSION_COOKIE, "")
+    token = request.cookies.get(session_cookie(is_secure(request)), "")
     return find_session(context.database, token, context.settings) if token else None
+
+
+def is_secure(request: Request) -> bool:
+    """True where a cookie needs an encrypted way: everywhere but on this machine."""
+    return not is_loopback(request.url.hostname or "")
 
 
 def known_principal(database: Database, key: str) -> Principal:
