@@ -144,3 +144,8 @@ class StorageFull(Problem):
     """No room is left on a disk."""
 
     status, title = HTTPStatus.INSUFFICIENT_STORAGE, "Insufficient storage"
+
+
+def is_ours(problem: Problem) -> bool:
+    """True for what says nothing about the input: the same one may be good a moment later."""
+    return problem.status >= HTTPStatus.INTERNAL_SERVER_ERROR

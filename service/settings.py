@@ -6,8 +6,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError
 
 
 class Settings(BaseSettings):
@@ -52,6 +54,31 @@ class Settings(BaseSettings):
     job_concurrency: int = Field(default=1, ge=1, le=64)
     worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
     """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""
+
+    @field_validator("database_url")
+    @classmethod
+    def _is_known_database(cls, url: str) -> str:
+        if not url:
+            return url
+        try:
+            kind = make_url(url).get_backend_name()
+        except ArgumentError:
+            raise ValueError(
+                "is no SQLAlchemy URL like postgresql://user@host/name or sqlite:////folder/file"
+            ) from None
+        if kind not in ("sqlite", "postgresql"):
+            raise ValueError(f"{kind} is not supported: sqlite and postgresql are")
+        return url
+
+    @field_validator("trusted_proxies")
+    @classmethod
+    def _are_addresses(cls, text: str) -> str:
+        for part in filter(None, (p.strip() for p in text.split(","))):
+            try:
+                ipaddress.ip_network(part, strict=False)
+            except ValueError:
+                raise ValueError(f"{part!r} is no address or network") from None
+        return text
 
     @cached_property
     def effective_database_url(self) -> str:

@@ -209,5 +209,9 @@ def _taken_over(answer: dict[str, Any], output: Path) -> RawRecord:
     with output.open("rb") as file:
         for name, length in answer["channels"]:
             channels[name] = np.fromfile(file, dtype=np.float64, count=length)
+            if len(channels[name]) != length:
+                raise Problem(
+                    "the decoded channels were cut on their way to us; nothing was changed: send the file again"
+                )
     faults = [Fault(where, problem) for where, problem in answer["faults"]]
     return RawRecord(answer["metadata"], channels, faults)

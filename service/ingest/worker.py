@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from service.errors import Fault, Problem, TooLarge
+from service.errors import Fault, Problem, StorageFull, TooLarge
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawRecord, TextDialect
 
@@ -36,12 +36,19 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
         content = Path(request["path"]).read_bytes()
         dialect = TextDialect(**request["dialect"]) if request["dialect"] else None
         raw = parsed(content, request["content_type"], request["content_encoding"], limits, dialect)
-        return _handed_over(raw, Path(request["output"]))
     except Problem as problem:
         return {"problem": type(problem).__name__, "detail": problem.detail, "errors": _faults(problem.errors)}
     except MemoryError:
-        error = TooLarge("memory")
-        return {"problem": type(error).__name__, "memory": True}
+        return {"problem": TooLarge.__name__, "memory": True}
+    try:
+        return _handed_over(raw, Path(request["output"]))
+    except OSError as failed:
+        # NumPy's own says neither number nor name of what the disk said; nothing else stops a file of ours
+        return {
+            "problem": StorageFull.__name__,
+            "detail": f"the channels cannot be handed over: {failed}",
+            "errors": [],
+        }
 
 
 def _limit_memory(allowed: int) -> None:

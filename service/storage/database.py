@@ -1,5 +1,6 @@
 """Engine and sessions: the same code for SQLite and Postgres, one transaction per request."""
 
+import fcntl
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,8 @@ from service.storage.failures import UNSTORABLE
 _CONNECT_TIMEOUT_S = 5
 _POOL_TIMEOUT_S = 10
 """Longest wait for a connection of the pool; then the request is told to come back."""
+_MIGRATION_LOCK = 7_263_901_455
+"""Number of the advisory lock that whoever migrates holds (our choice)."""
 _LOCK_TIMEOUT_MS = 30_000
 """Longest wait for what another transaction holds: a pump that is folded, a table that is migrated."""
 
@@ -149,9 +152,35 @@ def alembic_config(url: str) -> Config:
 
 
 def upgrade(url: str) -> None:
-    """Bring a database to the newest schema; safe to call again."""
-    _engine(url).dispose()  # makes the folder of an SQLite file
-    command.upgrade(alembic_config(url), "head")
+    """Bring a database to the newest schema; safe to call again, and at the same time: one waits for the other."""
+    engine = _engine(url)  # makes the folder of an SQLite file
+    try:
+        with _alone(engine):
+            command.upgrade(alembic_config(url), "head")
+    finally:
+        engine.dispose()
+
+
+@contextmanager
+def _alone(engine: Engine) -> Iterator[None]:
+    """Hold the right to migrate a database while the block runs."""
+    name = engine.url.database
+    if engine.dialect.name == "postgresql":
+        with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+            for setting in ("lock_timeout", "statement_timeout"):
+                connection.exec_driver_sql(f"SET {setting} = 0")
+            connection.exec_driver_sql(f"SELECT pg_advisory_lock({_MIGRATION_LOCK})")
+            try:
+                yield
+            finally:
+                connection.exec_driver_sql(f"SELECT pg_advisory_unlock({_MIGRATION_LOCK})")
+                connection.invalidate()  # its settings are no request's
+    elif name and name != ":memory:":
+        with Path(f"{name}.migrating").open("w") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+    else:
+        yield
 
 
 def pending_migration(database: Database) -> str | None:

@@ -78,6 +78,7 @@ _BY_STATUS = {int(problem.status): problem for problem in _EXAMPLES}
 _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("POST", "/records"): (400, 404, 409, 413, 415, 503),
     ("GET", "/records/{record_id}/raw"): (503,),
+    ("GET", "/pump-types/{name}/reference-curve"): (403,),
     ("POST", "/alarms/{alarm_id}/acknowledge"): (409,),
     ("POST", "/alarms/{alarm_id}/shelve"): (409,),
     ("POST", "/alarms/{alarm_id}/unshelve"): (409,),
@@ -110,6 +111,8 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("DELETE", "/pumps/{serial}/maintenance/{entry_id}"): (503,),
     ("POST", "/registry/{kind}.csv"): (400, 413, 503),
     ("DELETE", "/operators/{operator}"): (409,),
+    ("PATCH", "/users/{name}"): (409,),
+    ("DELETE", "/users/{name}/sessions"): (409,),
 }
 """Answers beyond those that follow from a route's shape: 401, 403, 422 and, with a name in its path, 404."""
 _EVERYWHERE = (400, 408, 413, 421, 422, 500)
