@@ -116,7 +116,9 @@ class _Exchange:
 
     @property
     def route(self) -> str:
-        return getattr(self._scope.get("route"), "path", None) or "none"
+        # a route of a router that was taken in knows its own part only; its context knows the whole
+        taken_in = self._scope.get("fastapi", {}).get("effective_route_context")
+        return getattr(taken_in or self._scope.get("route"), "path", None) or "none"
 
     async def receive(self) -> Message:
         """Next part of the body, within the bounds of size and time."""
