@@ -1,8 +1,6 @@
 """What is looked at before a request comes in: its host, the site that sends it, its address, the size of its body."""
 
 from collections.abc import Mapping
-from http import HTTPStatus
-from typing import ClassVar
 from urllib.parse import unquote_to_bytes, urlsplit
 
 from starlette.datastructures import Headers
@@ -16,12 +14,6 @@ READING = ("GET", "HEAD", "OPTIONS")
 _API = "/api/v1"
 _FORM_FRAME_BYTES = 2**16
 """What a form adds around the files that it sends."""
-
-
-class _BadRequest(Undecodable):
-    """A head that breaks its own grammar."""
-
-    status: ClassVar = HTTPStatus.BAD_REQUEST
 
 
 def check_admission(scope: Scope, settings: Settings) -> None:
@@ -53,7 +45,7 @@ def check_admission(scope: Scope, settings: Settings) -> None:
     _check_address(scope)
     declared = headers.get("content-length", "")
     if declared and not (declared.isascii() and declared.isdigit()):
-        raise _BadRequest("the request is malformed", [Fault("content-length", "is no number of bytes")])
+        raise Undecodable("the request is malformed", [Fault("content-length", "is no number of bytes")])
     if declared and int(declared[:20]) > body_limit(scope["path"], settings):
         raise too_large(scope["path"], settings)
 
@@ -99,7 +91,7 @@ def _host_of(text: str) -> str | None:
     except ValueError:
         parts = None
     if parts is None or parts.netloc != text or parts.hostname is None or parts.username is not None:
-        raise _BadRequest("the request is malformed", [Fault("host", "is no host name with a port")])
+        raise Undecodable("the request is malformed", [Fault("host", "is no host name with a port")])
     return parts.hostname
 
 
@@ -116,7 +108,7 @@ def _origin_of(headers: Headers) -> str | None:
     except ValueError:
         parts = None
     if parts is None or not parts.scheme or not parts.netloc:
-        raise _BadRequest("the request is malformed", [Fault("origin", "is no origin like https://example.org")])
+        raise Undecodable("the request is malformed", [Fault("origin", "is no origin like https://example.org")])
     return parts.netloc.lower()
 
 
