@@ -41,7 +41,7 @@ class PatientProtocol(H11Protocol):
         super().data_received(data)
         if self.cycle is not before:
             self._forget_head()
-        elif (before is None or before.response_complete) and self._late is None:
+        elif getattr(before, "response_complete", True) and self._late is None:
             self._await_head()
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -243,7 +243,7 @@ def _complete(method: str, path: str, operation: dict[str, Any], example: Any) -
     own = _problems(method, path, "requestBody" in operation or "parameters" in operation)
     for status in sorted({*own, *_anywhere(method, path, operation)}):
         shared = {"$ref": f"#/components/responses/Problem{status}"}
-        responses.setdefault(str(status), _problem_response(status) if status in own else shared)
+        responses[str(status)] = _problem_response(status) if status in own else shared
 
 
 def _anywhere(method: str, path: str, operation: Mapping[str, Any]) -> set[int]:
