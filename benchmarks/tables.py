@@ -52,7 +52,7 @@ def measured() -> dict[str, Any]:
         url = create_database(server, "fleet")
         upgrade(url)
         settings = Settings(database_url=url, data_dir=Path(folder))
-        with TestClient(create_app(settings)) as client:
+        with TestClient(create_app(settings), base_url="http://localhost") as client:
             context = client.app.state.context  # type: ignore[attr-defined]
             pump = store(context, history(1, N_RECORDS).observations, "P-0", "north")
             with context.database.writing() as session:

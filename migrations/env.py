@@ -14,6 +14,11 @@ def run() -> None:
     """Migrate the database of the settings, or the one handed over by the program."""
     database = Database(url)
     with database.engine.connect() as connection:
+        if not database.is_sqlite:
+            # a large table takes longer than any request may; whoever waits for a lock keeps all others waiting
+            connection.exec_driver_sql("SET statement_timeout = 0")
+            connection.exec_driver_sql("SET lock_timeout = '10s'")
+            connection.commit()
         context.configure(
             connection=connection,
             target_metadata=Base.metadata,

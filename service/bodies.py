@@ -11,12 +11,16 @@ _HALVES = range(0xD800, 0xE000)
 
 def is_storable(value: Any) -> bool:
     """False where any text in it holds a NUL, which Postgres refuses and SQLite takes, or half of a surrogate pair."""
-    if isinstance(value, str):
-        return not any(c == "\x00" or ord(c) in _HALVES for c in value)
-    if isinstance(value, dict):
-        return all(is_storable(k) and is_storable(v) for k, v in value.items())
-    if isinstance(value, list | tuple):
-        return all(map(is_storable, value))
+    waiting = [value]
+    while waiting:  # no recursion: a document may be nested as deep as its reader allows
+        one = waiting.pop()
+        if isinstance(one, str):
+            if any(c == "\x00" or ord(c) in _HALVES for c in one):
+                return False
+        elif isinstance(one, dict):
+            waiting += [*one.keys(), *one.values()]
+        elif isinstance(one, list | tuple):
+            waiting += one
     return True
 
 

@@ -14,12 +14,13 @@ from service.storage.spool import Spool
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """Parts of a running service, made once at its start."""
+    """Parts of a running service, made once at its start; ``cursor_key`` signs the cursors of lists."""
 
     settings: Settings
     database: Database
     archive: Archive
     acceptance: Acceptance
+    cursor_key: bytes
 
     @property
     def raw_store(self) -> RawStore:

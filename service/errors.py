@@ -122,7 +122,30 @@ class PreconditionRequired(Problem):
     status, title = HTTPStatus.PRECONDITION_REQUIRED, "Precondition required"
 
 
+class TooSlow(Problem):
+    """A body that does not arrive."""
+
+    status, title = HTTPStatus.REQUEST_TIMEOUT, "Request timeout"
+
+
+class Misdirected(Problem):
+    """A host name that this service does not answer for."""
+
+    status, title = HTTPStatus.MISDIRECTED_REQUEST, "Misdirected request"
+
+
 class Unavailable(Problem):
     """A part that is needed does not answer."""
 
     status, title = HTTPStatus.SERVICE_UNAVAILABLE, "Unavailable"
+
+
+class StorageFull(Problem):
+    """No room is left on a disk."""
+
+    status, title = HTTPStatus.INSUFFICIENT_STORAGE, "Insufficient storage"
+
+
+def is_ours(problem: Problem) -> bool:
+    """True for what says nothing about the input: the same one may be good a moment later."""
+    return problem.status >= HTTPStatus.INTERNAL_SERVER_ERROR

@@ -1,5 +1,6 @@
 """A service put together from its settings: database, raw store, parser, acceptance."""
 
+from service.access.installation import cursor_key
 from service.context import Context
 from service.history.archive import Archive
 from service.ingest.parser_pool import ParserLimits, ParserPool
@@ -19,9 +20,12 @@ def opened(settings: Settings) -> Context:
     Raises
     ------
     RuntimeError
-        when a Postgres database is behind.
+        when a Postgres database is behind, or when a folder or the raw store cannot be had; the words name the setting.
     """
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
+    try:
+        settings.data_dir.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RuntimeError(f"CASEDRAIN_DATA_DIR: {settings.data_dir} cannot be made: {error.strerror}") from None
     database = Database(settings.effective_database_url)
     behind = pending_migration(database)
     if behind is not None:
@@ -29,10 +33,14 @@ def opened(settings: Settings) -> Context:
             database.close()
             raise RuntimeError(behind)
         upgrade(settings.effective_database_url)
-    raw_store = RawStore(settings.effective_raw_store_url)
+    try:
+        raw_store = RawStore(settings.effective_raw_store_url)
+    except (ValueError, ImportError, OSError) as error:
+        database.close()
+        raise RuntimeError(f"CASEDRAIN_RAW_STORE_URL: the store cannot be opened: {error}") from None
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
-    spool = Spool(settings.effective_spool_dir)
+    spool = Spool(settings.effective_spool_dir, settings.min_free_bytes)
     parser_limits = ParserLimits(settings.max_parse_seconds, settings.max_parse_memory_bytes)
     parser = ParserPool(spool.folder, parser_limits, settings.parse_workers)
     archive = Archive(raw_store, spool, parser, limits)
-    return Context(settings, database, archive, Acceptance(database, archive))
+    return Context(settings, database, archive, Acceptance(database, archive), cursor_key(database))

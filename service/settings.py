@@ -6,8 +6,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, SecretStr
+from pydantic import Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError
 
 
 class Settings(BaseSettings):
@@ -37,9 +39,46 @@ class Settings(BaseSettings):
     max_parse_seconds: float = Field(default=60.0, gt=0.0)
     max_parse_memory_bytes: int = Field(default=2 * 2**30, ge=64 * 2**20)
     parse_workers: int = Field(default=2, ge=1, le=64)
+    max_body_bytes: int = Field(default=2**20, ge=1024)
+    """Of a request that is no upload; looked at before its key is."""
+    body_stall_seconds: float = Field(default=20.0, gt=0.0)
+    """Longest pause within a request's head or body."""
+    drain_seconds: float = Field(default=10.0, ge=0.0, le=3600.0)
+    """What a stop gives to requests in hand; `/readyz` says no from its beginning."""
+    drain_notice_seconds: float = Field(default=0.0, ge=0.0, le=600.0)
+    """How long a stop still takes requests after `/readyz` has said no: time for a load balancer to look."""
+    min_free_bytes: int = Field(default=64 * 2**20, ge=0)
+    """Room that uploads leave on a disk, or a tenth of a small disk; `/readyz` says no at twice as much."""
+    trusted_proxies: str = ""
+    """Addresses or networks, with commas, whose `X-Forwarded-For` and `X-Forwarded-Proto` count; by default nobody's."""
     job_concurrency: int = Field(default=1, ge=1, le=64)
     worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
     """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""
+
+    @field_validator("database_url")
+    @classmethod
+    def _is_known_database(cls, url: str) -> str:
+        if not url:
+            return url
+        try:
+            kind = make_url(url).get_backend_name()
+        except ArgumentError:
+            raise ValueError(
+                "is no SQLAlchemy URL like postgresql://user@host/name or sqlite:////folder/file"
+            ) from None
+        if kind not in ("sqlite", "postgresql"):
+            raise ValueError(f"{kind} is not supported: sqlite and postgresql are")
+        return url
+
+    @field_validator("trusted_proxies")
+    @classmethod
+    def _are_addresses(cls, text: str) -> str:
+        for part in filter(None, (p.strip() for p in text.split(","))):
+            try:
+                ipaddress.ip_network(part, strict=False)
+            except ValueError:
+                raise ValueError(f"{part!r} is no address or network") from None
+        return text
 
     @cached_property
     def effective_database_url(self) -> str:
@@ -55,6 +94,11 @@ class Settings(BaseSettings):
     def webhook_hosts(self) -> frozenset[str]:
         """Hosts on the premises that webhooks may reach, from a list with commas."""
         return frozenset(h.strip().lower() for h in self.webhook_allowed_hosts.split(",") if h.strip())
+
+    @cached_property
+    def proxies(self) -> list[str]:
+        """Addresses and networks of trusted proxies."""
+        return [p.strip() for p in self.trusted_proxies.split(",") if p.strip()]
 
     @property
     def effective_spool_dir(self) -> Path:

@@ -14,13 +14,24 @@ from service.access.security import LAST_USED_RESOLUTION, Principal, check_key, 
 from service.errors import Forbidden, Problem, Unauthenticated
 from service.settings import Settings
 from service.storage.database import Database
+from service.storage.failures import passing_failures
 from service.storage.tables import ApiKey, FailedSignIn, SignedIn, User
 
-SESSION_COOKIE = "casedrain_session"
+_SESSION_COOKIE = "casedrain_session"
 _FAILURES_WINDOW = timedelta(minutes=15)
 _MOST_FAILURES = {"name and address": 5, "name": 30, "address": 50}
 """Failures within the window after which sign-ins wait: few from one place for one name, more for a name from
 everywhere (so that a stranger cannot easily lock somebody out) and for a place that many share."""
+
+
+def cookie_name(name: str, is_secure: bool) -> str:
+    """Name of a cookie; the prefix makes browsers refuse one that another host or an unencrypted page has set."""
+    return f"__Host-{name}" if is_secure else name
+
+
+def session_cookie(is_secure: bool) -> str:
+    """Name of the session's cookie."""
+    return cookie_name(_SESSION_COOKIE, is_secure)
 
 
 class TooManySignIns(Problem):
@@ -77,7 +88,8 @@ def find_session(database: Database, token: str, settings: Settings) -> Visitor 
     if principal is None:
         return None
     if now - row.last_used_at > LAST_USED_RESOLUTION:
-        with database.writing() as session:
+        # a full disk must not keep anybody from reading
+        with passing_failures("the time of a session's last use is not noted"), database.writing() as session:
             session.execute(update(SignedIn).where(SignedIn.id == row.id).values(last_used_at=now))
     return Visitor(principal, row.id, row.csrf_token)
 
@@ -105,7 +117,7 @@ def check_pace(session: Session, name: str, address: str) -> None:
     """
     now = datetime.now(UTC)
     recent = FailedSignIn.at > now - _FAILURES_WINDOW
-    by_name, by_address = FailedSignIn.name_hash == _hash(name), FailedSignIn.address == address
+    by_name, by_address = FailedSignIn.name_hash == name_hash(name), FailedSignIn.address == address
     for what, condition in (
         ("name and address", by_name & by_address),
         ("name", by_name),
@@ -119,12 +131,17 @@ def check_pace(session: Session, name: str, address: str) -> None:
 
 def note_failure(session: Session, name: str, address: str) -> None:
     """Remember a sign-in that failed."""
-    session.add(FailedSignIn(name_hash=_hash(name), address=address, at=datetime.now(UTC)))
+    session.add(FailedSignIn(name_hash=name_hash(name), address=address, at=datetime.now(UTC)))
+
+
+def name_hash(name: str) -> str:
+    """What is kept of a name that failed to sign in; half a surrogate pair counts as the replacement character."""
+    return _hash(name)
 
 
 def forget_failures(session: Session, name: str, address: str) -> None:
     """Somebody came in: the mistakes before count no longer."""
-    mine = (FailedSignIn.name_hash == _hash(name)) & (FailedSignIn.address == address)
+    mine = (FailedSignIn.name_hash == name_hash(name)) & (FailedSignIn.address == address)
     for row in session.scalars(select(FailedSignIn).where(mine)):
         session.delete(row)
 
@@ -151,4 +168,4 @@ def _principal(session: Session, row: SignedIn, now: datetime) -> Principal | No
 
 
 def _hash(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
+    return hashlib.sha256(text.encode("utf-8", "replace")).hexdigest()

@@ -10,6 +10,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from service.access.security import ROLES, Principal
+from service.bodies import is_storable
 from service.errors import Conflict, Fault, Invalid, NotFound
 from service.storage.tables import User
 
@@ -64,31 +65,50 @@ def new_user(
     return row
 
 
-def user(session: Session, principal: Principal, name: str) -> User:
-    """One user.
+def user(session: Session, principal: Principal, name: str, operator: str | None = None) -> User:
+    """One user; ``operator`` tells namesakes apart for those who see every operator.
 
     Raises
     ------
     NotFound
         when there is none that this admin may manage.
+    Conflict
+        when there are several.
     """
-    row = session.scalar(select(User).where(User.name == name))
-    if row is None or principal.operator not in (None, row.operator):
+    query = select(User).where(User.name == name)
+    wanted = principal.operator or operator
+    if wanted is not None:
+        query = query.where(User.operator == wanted)
+    if principal.operator not in (None, wanted) or operator not in (None, wanted):
         raise NotFound(f"there is no user {name}")
-    return row
+    rows = list(session.scalars(query.limit(2)))
+    if not rows:
+        raise NotFound(f"there is no user {name}")
+    if len(rows) > 1:
+        raise Conflict(f"several operators have a user {name}: name one with ?operator=")
+    return rows[0]
 
 
 def with_password(session: Session, name: str, password: str) -> User | None:
     """The user of that name and password; None when either is wrong or the user is disabled.
 
-    It takes a tenth of a second of work: call it in a session for reading, which keeps nobody else waiting.
+    Somebody whose name another operator has too, with the same password, signs in as ``operator/name``. It takes a tenth
+    of a second of work for each namesake: call it in a session for reading, which keeps nobody else waiting.
     """
-    row = session.scalar(select(User).where(User.name == name))
+    operator, slash, bare = name.partition("/")
+    named = (User.operator == operator) & (User.name == bare)
+    rows = list(session.scalars(select(User).where((User.name == name) | named if slash else User.name == name)))
+    found = [row for row in rows if _is_right(row.password_hash, password)]
+    if not rows:
+        _is_right(_NOBODY, password)
+    return found[0] if len(found) == 1 and found[0].disabled_at is None else None
+
+
+def _is_right(password_hash: str, password: str) -> bool:
     try:
-        _hasher.verify(row.password_hash if row is not None else _NOBODY, password)
-    except (VerificationError, InvalidHashError):
-        return None
-    return row if row is not None and row.disabled_at is None else None
+        return _hasher.verify(password_hash, password)
+    except (VerificationError, InvalidHashError, UnicodeEncodeError):
+        return False
 
 
 def set_password(row: User, password: str) -> None:
@@ -97,7 +117,9 @@ def set_password(row: User, password: str) -> None:
 
 
 def password_faults(password: str) -> list[Fault]:
-    """What is wrong with a new password; only its length is judged."""
+    """What is wrong with a new password; its length is judged, and that all of it is text."""
+    if not is_storable(password):
+        return [Fault("password", "holds characters that are none")]
     if SHORTEST_PASSWORD <= len(password) <= LONGEST_PASSWORD:
         return []
     return [Fault("password", f"has {len(password)} characters: {SHORTEST_PASSWORD} to {LONGEST_PASSWORD} are needed")]

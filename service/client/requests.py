@@ -30,6 +30,7 @@ class Retries:
     def __init__(self, most: int) -> None:
         self._left = most
         self._next_s = _FIRST_WAIT_S
+        self._told = False
 
     def wait_after_loss(self) -> float | None:
         """Seconds to wait after a lost connection; None: give up."""
@@ -44,7 +45,11 @@ class Retries:
         if response.status_code not in _RETRIED:
             return None
         wait, asked = self.wait_after_loss(), response.headers.get("retry-after", "")
-        return min(float(asked), _LONGEST_WAIT_S) if wait is not None and asked.isdigit() else wait
+        told, self._told = self._told, True
+        if wait is None or not (asked.isascii() and asked.isdigit()):
+            return wait
+        # whoever is told the same again waits longer: many who come back together would keep a service down
+        return min(max(float(asked[:9]), wait if told else 0.0), _LONGEST_WAIT_S)
 
 
 def upload_request(

@@ -7,6 +7,7 @@ import typer
 
 from service.command_line.command import Command
 from service.command_line.console import Json, failure, say, say_json
+from service.command_line.failures import WRONG_SETTING
 
 keys_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="API keys.")
 users_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="Users of the pages.")
@@ -32,13 +33,16 @@ def create_key(
     from service.running import opened  # noqa: PLC0415
     from service.settings import Settings  # noqa: PLC0415
 
+    settings = Settings()
     try:
-        context = opened(Settings())
+        context = opened(settings)
         with context.database.writing() as session:
             row, key = new_key(session, owner, role, operator, expires.replace(tzinfo=UTC) if expires else None)
             audit.note(session, AT_THE_MACHINE, "key.make", f"key/{row.id}", operator, {"owner": owner, "role": role})
             made = {"id": row.id, "key": key, "owner": owner, "role": role, "operator": operator}
-    except (ValueError, RuntimeError) as error:
+    except RuntimeError as error:
+        raise failure(str(error), WRONG_SETTING) from None
+    except ValueError as error:
         raise failure(str(error)) from None
     context.database.close()
     if json_:
@@ -74,7 +78,7 @@ def create_user(
     try:
         context = opened(Settings())
     except RuntimeError as error:
-        raise failure(str(error)) from None
+        raise failure(str(error), WRONG_SETTING) from None
     try:
         with context.database.writing() as session:
             row = new_user(session, name, password, role, operator, email, mail)

@@ -7,6 +7,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from service.command_line.console import failure, say_json
+from service.command_line.failures import WRONG_SETTING, words_of
 
 
 class Commands(TyperGroup):
@@ -31,7 +32,9 @@ def tell_version(as_json: bool) -> None:
 
 
 class Command(TyperCommand):
-    """Sets the logs up before it runs; a folder that cannot be written or a full disk is said in one line."""
+    """Sets the logs up before it runs; what the settings, the database or a disk
+    do not allow is said in one line.
+    """
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
@@ -42,6 +45,11 @@ class Command(TyperCommand):
             raise
         except OSError as error:
             raise failure(str(error)) from None
+        except Exception as error:
+            words = words_of(error)
+            if words is None:
+                raise
+            raise failure(words, WRONG_SETTING) from None
 
 
 def _set_logs_up() -> None:

@@ -10,6 +10,7 @@ from service.command_line.administration import db_app, keys_app, users_app
 from service.command_line.analysed import analysed_pump, refusal, safe_name, show_pump, show_refusal
 from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
+from service.command_line.failures import WRONG_SETTING
 from service.command_line.inbox import app as inbox
 from service.command_line.mapping import app as mapping_app
 from service.command_line.mapping_options import (
@@ -43,9 +44,13 @@ Files = Annotated[
 ]
 Url = Annotated[str, typer.Option(envvar="CASEDRAIN_URL", help="Where the service listens")]
 Key = Annotated[str | None, typer.Option(envvar="CASEDRAIN_KEY", help="API key")]
-Port = Annotated[int, typer.Option(help="Port to listen on")]
+_UPLOAD_RETRIES = 12
+"""Some four minutes of a service that is away: a restart of its database, an upgrade."""
+_NOT_THE_FILE = (401, 403, 429, 500, 502, 503, 504, 507)
+"""Answers that say nothing about a file: the next one would get the same."""
 _MOST_PASSED_OVER = 20
 """Files that are named one by one; the rest is counted."""
+Port = Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on")]
 
 
 @app.callback(invoke_without_command=True)
@@ -137,8 +142,7 @@ def serve(
     port: Port = 8000,
 ) -> None:
     """Serve API and pages."""
-    import uvicorn  # noqa: PLC0415 - heavy, and only here
-
+    from service.command_line.server import Server, bound_socket  # noqa: PLC0415 - heavy, and only here
     from service.running import opened  # noqa: PLC0415
     from service.settings import Settings  # noqa: PLC0415
     from service.web.app import create_app  # noqa: PLC0415
@@ -148,10 +152,15 @@ def serve(
     if fault is not None:
         raise failure(fault)
     try:
-        opened(settings).database.close()
-    except Exception as error:
-        raise failure(str(error)) from None
-    uvicorn.run(create_app(settings), host=host, port=port, access_log=False, server_header=False)
+        listening = bound_socket(host, port)
+    except OSError as error:
+        raise failure(f"--host {host} --port {port} cannot be listened on: {error.strerror}", WRONG_SETTING) from None
+    with listening:
+        try:
+            opened(settings).database.close()
+        except RuntimeError as error:
+            raise failure(str(error), WRONG_SETTING) from None
+        Server(create_app(settings), settings, host, port).run(sockets=[listening])
 
 
 @app.command(cls=Command)
@@ -194,7 +203,7 @@ def upload(
     n_refused = 0
     rows: list[dict[str, Any]] = []
     to = listener(json_)
-    with Client(url, key) as client:
+    with Client(url, key, retries=_UPLOAD_RETRIES) as client:
         try:
             named = stored_name(client, mapping, values.get("operator"))
         except httpx2.HTTPError as error:
@@ -209,6 +218,11 @@ def upload(
                     file_name=path.name if named else None,
                 )
             except (RefusedError, Problem) as error:
+                if isinstance(error, RefusedError) and int(error.problem.get("status", 0)) in _NOT_THE_FILE:
+                    words = (
+                        f"{path} was not taken, and nothing after it: {error}. Run the command again: it goes on here"
+                    )
+                    raise failure(words) from None
                 n_refused += 1
                 words = told(error) if isinstance(error, Problem) else str(error)
                 rows.append({"file": str(path), "answer": None, "refusal": words})

@@ -209,7 +209,12 @@ def _taken_over(answer: dict[str, Any], output: Path) -> RawFile:
     with output.open("rb") as numbers:
 
         def taken(columns: list[Any]) -> dict[str, Samples]:
-            return {name: np.fromfile(numbers, dtype=np.float64, count=length) for name, length in columns}
+            found = {name: np.fromfile(numbers, dtype=np.float64, count=length) for name, length in columns}
+            if any(len(found[name]) != length for name, length in columns):
+                raise Problem(
+                    "the decoded channels were cut on their way to us; nothing was changed: send the file again"
+                )
+            return found
 
         tables = tuple(
             Table(

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from service.errors import Fault, Problem, TooLarge
+from service.errors import Fault, Problem, StorageFull, TooLarge
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawFile, TextDialect
 
@@ -37,12 +37,19 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
         content = Path(request["path"]).read_bytes()
         dialect = _dialect(request["dialect"])
         raw = parsed(content, request["content_type"], request["content_encoding"], limits, dialect)
-        return _handed_over(raw, Path(request["output"]))
     except Problem as problem:
         return {"problem": type(problem).__name__, "detail": problem.detail, "errors": _faults(problem.errors)}
     except MemoryError:
-        error = TooLarge("memory")
-        return {"problem": type(error).__name__, "memory": True}
+        return {"problem": TooLarge.__name__, "memory": True}
+    try:
+        return _handed_over(raw, Path(request["output"]))
+    except OSError as failed:
+        # NumPy's own says neither number nor name of what the disk said; nothing else stops a file of ours
+        return {
+            "problem": StorageFull.__name__,
+            "detail": f"the channels cannot be handed over: {failed}",
+            "errors": [],
+        }
 
 
 def _dialect(request: dict[str, Any] | None) -> TextDialect | None:

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.access.security import Principal
-from service.errors import Conflict, Fault, Invalid, Problem
+from service.errors import Conflict, Fault, Invalid, Problem, is_ours
 from service.history.analysis import analysed, keep_analysis
 from service.history.archive import Archive, RegisteredType
 from service.history.arrival import known_aircraft
@@ -92,7 +92,8 @@ class Acceptance:
             operator = principal.operator_of(decoded.metadata.operator)
             return self._store(upload, decoded, operator, request_hash, principal)
         except Problem as problem:
-            self._refuse(upload, operator, problem)
+            if not is_ours(problem):
+                self._refuse(upload, operator, problem)
             raise
 
     def store(self, upload: Upload, principal: Principal) -> Accepted:
@@ -154,6 +155,8 @@ class Acceptance:
                 raise Invalid("the file names another operator", [Fault("operator", "is not the uploader's")])
             self._finish(record_id, decoded, row.operator)
         except Problem as problem:
+            if is_ours(problem):
+                raise  # it says nothing about the record, which stays stored
             with self._database.writing() as session:
                 stored = session.get(Record, record_id)
                 if stored is not None and stored.status == STORED:
@@ -216,7 +219,9 @@ class Acceptance:
         # the bytes are safe from here on; a crash leaves a stored record that the next start analyses
         try:
             waiting = not self._finish(record_id, decoded, operator)
-        except Problem:
+        except Problem as problem:
+            if is_ours(problem):
+                raise
             with self._database.writing() as session:
                 stored = session.get(Record, record_id)
                 if stored is not None:

@@ -9,6 +9,20 @@ from urllib.parse import urlsplit
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 Resolver = Callable[[str, int], Sequence[str]]
 _NAT64 = ipaddress.IPv6Network("64:ff9b::/96")
+_COMPATIBLE = ipaddress.IPv6Network("::/96")
+_NOT_PUBLIC = tuple(
+    ipaddress.ip_network(text)
+    for text in (
+        "192.0.0.0/24",  # protocol assignments, among them the far end of a carrier's tunnel (RFC 6890)
+        "192.88.99.0/24",  # relays of 6to4, whoever runs them (RFC 7526)
+        "64:ff9b:1::/48",  # NAT64 of an own network (RFC 8215)
+        "fec0::/10",  # site-local, deprecated and still routed inside (RFC 3879)
+        "3fff::/20",  # documentation (RFC 9637)
+        "5f00::/16",  # segment routing (RFC 9602)
+        "2001::/23",  # protocol assignments; Teredo among them is looked through before
+    )
+)
+"""What ``is_global`` of this and of older Pythons lets pass."""
 _MOST_URL = 2000
 
 
@@ -50,6 +64,11 @@ def target_of(url: str, allowed_hosts: frozenset[str], resolve: Resolver | None 
         host, port = (parts.hostname or "").rstrip("."), parts.port
     except ValueError:
         raise Blocked("is not a URL") from None
+    try:
+        # what goes into the Host header and to the resolver; a label that is empty or too long is none
+        host = host if ":" in host else host.encode("idna").decode("ascii")
+    except UnicodeError:
+        raise Blocked("must name a host and carry no credentials") from None
     named = host in allowed_hosts
     if parts.scheme != "https" and not (named and parts.scheme == "http"):
         raise Blocked("must be an https URL")
@@ -58,7 +77,7 @@ def target_of(url: str, allowed_hosts: frozenset[str], resolve: Resolver | None 
     port = port or (443 if parts.scheme == "https" else 80)
     try:
         addresses = (resolve or _resolved)(host, port)
-    except OSError:
+    except (OSError, UnicodeError):
         raise Blocked(f"the host {host} cannot be resolved") from None
     if not addresses:
         raise Blocked(f"the host {host} cannot be resolved")
@@ -72,12 +91,23 @@ def target_of(url: str, allowed_hosts: frozenset[str], resolve: Resolver | None 
 def is_public(text: str) -> bool:
     """True for an address that anybody on the internet could mean."""
     address: Address = ipaddress.ip_address(text.partition("%")[0])
-    if isinstance(address, ipaddress.IPv6Address):
-        inner = address.ipv4_mapped or address.sixtofour or (address.teredo[1] if address.teredo else None)
-        if inner is None and address in _NAT64:
-            inner = ipaddress.IPv4Address(int(address) & 0xFFFFFFFF)
-        if inner is not None:
-            address = inner
+    inner = _inside(address) if isinstance(address, ipaddress.IPv6Address) else ()
+    return all(_is_public(one) for one in inner or (address,))
+
+
+def _inside(address: ipaddress.IPv6Address) -> tuple[ipaddress.IPv4Address, ...]:
+    """IPv4 addresses that an IPv6 address stands for: packets to it end up at one of them."""
+    if address.teredo:
+        return address.teredo
+    if address in _NAT64 or (address in _COMPATIBLE and int(address) > 1):
+        return (ipaddress.IPv4Address(int(address) & 0xFFFFFFFF),)
+    one = address.ipv4_mapped or address.sixtofour
+    return (one,) if one else ()
+
+
+def _is_public(address: Address) -> bool:
+    if any(address.version == net.version and address in net for net in _NOT_PUBLIC):
+        return False
     return address.is_global and not address.is_multicast and not address.is_reserved
 
 

@@ -15,6 +15,7 @@ from sqlalchemy import Select, select, tuple_
 
 from detectors.words.verdict import TREND_METRICS
 from service.access.security import Principal
+from service.answers import cells
 from service.errors import NotFound, UnknownType
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment
@@ -224,7 +225,8 @@ def _csv(export: Export, pages: Iterator[list[Row]]) -> Iterator[bytes]:
     writer = csv.DictWriter(out, list(export.columns), lineterminator="\n")
     writer.writeheader()
     for rows in pages:
-        writer.writerows({k: v.isoformat() if isinstance(v, datetime) else v for k, v in row.items()} for row in rows)
+        for row in rows:
+            writer.writerow({k: v.isoformat() if isinstance(v, datetime) else cells.written(v) for k, v in row.items()})
         yield out.getvalue().encode()
         out.seek(0)
         out.truncate()

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.access.security import Principal
+from service.answers import cells
 from service.bodies import Body
 from service.errors import Fault, Invalid, Problem, Undecodable
 from service.history.archive import Archive
@@ -82,7 +83,7 @@ def exported(session: Session, principal: Principal, kind: Kind) -> Iterator[str
     rows = {"pumps": _pump_rows, "aircraft": _aircraft_rows, "installations": _installation_rows}[kind]
     yield _written([columns(kind)])
     for row in rows(session, principal):
-        yield _written([["" if row[name] is None else row[name] for name in columns(kind)]])
+        yield _written([["" if row[name] is None else cells.written(row[name]) for name in columns(kind)]])
 
 
 def imported(session: Session, principal: Principal, kind: Kind, content: bytes, archive: Archive) -> Imported:
@@ -148,7 +149,7 @@ def _parsed(kind: Kind, content: bytes) -> tuple[list[tuple[int, Any]], list[Fau
             if len(row) != len(header):
                 faults.append(_located(number, "", f"has {len(row)} cells, the header has {len(header)}"))
                 continue
-            given = {name: cell.strip() for name, cell in zip(header, row, strict=True) if cell.strip()}
+            given = {name: cells.read(cell.strip()) for name, cell in zip(header, row, strict=True) if cell.strip()}
             try:
                 lines.append((number, _LINES[kind].model_validate(given)))
             except ValidationError as error:

@@ -12,14 +12,17 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.access.security import Principal
+from service.access.sessions import name_hash
 from service.answers import administration as answers
 from service.answers.words import instant
 from service.errors import Conflict, Unavailable
 from service.registry.ownership import owned_tables, rows_of
 from service.registry.raw_bytes import archive_digests, document_digests, needs_of
 from service.storage.database import Database
+from service.storage.failures import passing_failures
 from service.storage.raw_store import RawStore
-from service.storage.tables import Deletion, Job, Record
+from service.storage.tables import Deletion, FailedSignIn, Job, Record, User
+from service.thresholds.pins import keep_counter
 
 
 def delete_operator(database: Database, raw_store: RawStore, operator: str, asker: Principal, reason: str) -> Deletion:
@@ -74,6 +77,10 @@ def _delete_rows(session: Session, operator: str, asker: Principal, reason: str)
     for query in (archive_digests(), *document_digests()):
         sent |= set(session.scalars(query.where(Job.operator == operator)))
     digests = sorted(sent)
+    keep_counter(session)
+    names = select(User.name).where(User.operator == operator)
+    hashes = [name_hash(name) for name in session.scalars(names)]
+    session.execute(delete(FailedSignIn).where(FailedSignIn.name_hash.in_(hashes)))
     counts = {}
     for name, table in reversed(owned_tables().items()):
         gone = cast("CursorResult[Any]", session.execute(delete(table).where(rows_of(table, operator))))
@@ -105,6 +112,8 @@ def _finish(database: Database, raw_store: RawStore, deletion_id: str) -> Deleti
             continue
         _remove(database, raw_store, digest)
         removed.append(digest)
+    with passing_failures("pages that a deletion has freed are not written over yet"):
+        database.write_over_freed(owned_tables())
     receipt: answers.Receipt = {
         "operator": row.deleted_operator,
         "reason": row.reason,

@@ -2,9 +2,10 @@
 
 from sqlalchemy import ColumnElement, Table, or_, select
 
-from service.storage.tables import Base
+from service.storage.tables import Base, ThresholdVersion
 
 _OPERATOR_COLUMN = "operator"
+_LAYERS = ThresholdVersion.__table__
 
 
 def owned_tables() -> dict[str, Table]:
@@ -15,7 +16,10 @@ def owned_tables() -> dict[str, Table]:
 def rows_of(table: Table, operator: str) -> ColumnElement[bool]:
     """Condition that picks an operator's rows of one table."""
     if _OPERATOR_COLUMN in table.c:
-        return table.c[_OPERATOR_COLUMN] == operator
+        own = table.c[_OPERATOR_COLUMN] == operator
+        # the layer of an operator names it as what it is about, and as nobody's: a namesake would inherit it
+        layer = (table.c.scope == "operator") & (table.c.scope_id == operator) if table is _LAYERS else None
+        return own if layer is None else own | layer
     conditions = []
     for key in table.foreign_keys:
         parent = key.column.table

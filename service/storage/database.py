@@ -1,6 +1,7 @@
 """Engine and sessions: the same code for SQLite and Postgres, one transaction per request."""
 
-from collections.abc import Iterator
+import fcntl
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,21 @@ from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Connection, Engine, create_engine, event, text
-from sqlalchemy.engine import make_url
+from sqlalchemy import Connection, Engine, create_engine, event, exc, text
+from sqlalchemy.engine import ExceptionContext, make_url
 from sqlalchemy.orm import Session, sessionmaker
 
 import service
+from service.errors import Invalid
+from service.storage.failures import UNSTORABLE
 
 _CONNECT_TIMEOUT_S = 5
+_POOL_TIMEOUT_S = 10
+"""Longest wait for a connection of the pool; then the request is told to come back."""
+_MIGRATION_LOCK = 7_263_901_455
+"""Number of the advisory lock that whoever migrates holds (our choice)."""
+_LOCK_TIMEOUT_MS = 30_000
+"""Longest wait for what another transaction holds: a pump that is folded, a table that is migrated."""
 
 
 class Database:
@@ -30,6 +39,12 @@ class Database:
     @property
     def is_sqlite(self) -> bool:
         return self.engine.dialect.name == "sqlite"
+
+    @property
+    def folders(self) -> list[Path]:
+        """Folder of an SQLite file; none for a server's database, whose disk is not ours to look at."""
+        name = self.engine.url.database if self.is_sqlite else None
+        return [Path(name).resolve().parent] if name and name != ":memory:" else []
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
@@ -48,6 +63,24 @@ class Database:
         with self.engine.connect() as connection:
             connection.execute(text("SELECT 1"))
 
+    def write_over_freed(self, tables: Iterable[str]) -> None:
+        """Leave nothing of deleted rows in the files: SQLite's pages and its log, Postgres' dead rows of ``tables``.
+
+        It may take as long as the database is large; a full disk or others that read raise what the driver raises.
+        """
+        with self.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+            if not self.is_sqlite:
+                for name in tables:
+                    connection.exec_driver_sql(f'VACUUM "{name}"')
+                return
+        raw = self.engine.raw_connection()
+        try:
+            # what was deleted now is zeroed already (secure_delete); the rest may be from before that was so
+            for statement in ("PRAGMA wal_checkpoint(TRUNCATE)", "VACUUM", "PRAGMA wal_checkpoint(TRUNCATE)"):
+                raw.cursor().execute(statement)
+        finally:
+            raw.close()
+
     def close(self) -> None:
         """Close every pooled connection."""
         self.engine.dispose()
@@ -61,6 +94,7 @@ def _engine(url: str) -> Engine:
         engine = create_engine(parsed, connect_args={"timeout": 30, "check_same_thread": False})
         event.listen(engine, "connect", _on_sqlite_connect)
         event.listen(engine, "begin", _on_sqlite_begin)
+        event.listen(engine, "handle_error", _on_unstorable)
         return engine
     if parsed.drivername == "postgresql":
         parsed = parsed.set(drivername="postgresql+psycopg")
@@ -73,15 +107,26 @@ def _engine(url: str) -> Engine:
         "keepalives_interval": 5,
         "keepalives_count": 3,
         "tcp_user_timeout": 15_000,
-        "options": "-c statement_timeout=60000 -c timezone=UTC",
+        "options": f"-c statement_timeout=60000 -c lock_timeout={_LOCK_TIMEOUT_MS} -c timezone=UTC",
     }
-    return create_engine(parsed, pool_pre_ping=True, pool_size=10, max_overflow=10, connect_args=options)
+    pool = {"pool_pre_ping": True, "pool_size": 10, "max_overflow": 10, "pool_timeout": _POOL_TIMEOUT_S}
+    engine = create_engine(parsed, connect_args=options, **pool)
+    event.listen(engine, "handle_error", _on_unstorable)
+    return engine
+
+
+def _on_unstorable(context: ExceptionContext) -> None:
+    """Values that the driver cannot write: a number beyond 64 bits, half a surrogate pair, a NUL for Postgres."""
+    if isinstance(context.original_exception, OverflowError | UnicodeEncodeError) or (
+        isinstance(context.sqlalchemy_exception, exc.DataError)
+    ):
+        raise Invalid(UNSTORABLE) from context.original_exception
 
 
 def _on_sqlite_connect(connection: Any, _record: Any) -> None:
     connection.isolation_level = None  # SQLAlchemy's begin event decides how a transaction starts
     cursor = connection.cursor()
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000", "foreign_keys=ON"):
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000", "foreign_keys=ON", "secure_delete=ON"):
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()
 
@@ -107,9 +152,35 @@ def alembic_config(url: str) -> Config:
 
 
 def upgrade(url: str) -> None:
-    """Bring a database to the newest schema; safe to call again."""
-    _engine(url).dispose()  # makes the folder of an SQLite file
-    command.upgrade(alembic_config(url), "head")
+    """Bring a database to the newest schema; safe to call again, and at the same time: one waits for the other."""
+    engine = _engine(url)  # makes the folder of an SQLite file
+    try:
+        with _alone(engine):
+            command.upgrade(alembic_config(url), "head")
+    finally:
+        engine.dispose()
+
+
+@contextmanager
+def _alone(engine: Engine) -> Iterator[None]:
+    """Hold the right to migrate a database while the block runs."""
+    name = engine.url.database
+    if engine.dialect.name == "postgresql":
+        with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+            for setting in ("lock_timeout", "statement_timeout"):
+                connection.exec_driver_sql(f"SET {setting} = 0")
+            connection.exec_driver_sql(f"SELECT pg_advisory_lock({_MIGRATION_LOCK})")
+            try:
+                yield
+            finally:
+                connection.exec_driver_sql(f"SELECT pg_advisory_unlock({_MIGRATION_LOCK})")
+                connection.invalidate()  # its settings are no request's
+    elif name and name != ":memory:":
+        with Path(f"{name}.migrating").open("w") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            yield
+    else:
+        yield
 
 
 def pending_migration(database: Database) -> str | None:

@@ -3,15 +3,21 @@
 import hashlib
 import os
 import shutil
+import time
 import uuid
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import fsspec
+from fsspec.implementations.local import LocalFileSystem
 
 from service.errors import Unavailable
 
 _CHUNK = 1 << 20
+_PARTIAL = ".partial"
+_LEFT_BEHIND_S = 24 * 3600.0
 
 
 def content_hash(content: bytes) -> str:
@@ -24,39 +30,56 @@ class RawStore:
 
     def __init__(self, url: str) -> None:
         self._files, self._root = fsspec.core.url_to_fs(url)
+        self._is_local = isinstance(self._files, LocalFileSystem)
         self._files.makedirs(self._root, exist_ok=True)
+        self._remove_left_behind()
 
     def _path(self, digest: str) -> str:
         return f"{self._root}/{digest[:2]}/{digest}"
 
+    @property
+    def folders(self) -> list[Path]:
+        """Folder of a store on a disk of ours; none for one across the network."""
+        return [Path(self._root)] if self._is_local else []
+
     def put(self, content: bytes) -> str:
-        """Keep bytes and return their hash; a crash leaves either all of them or none."""
+        """Keep bytes and return their hash; a crash or a full disk leaves either all of them or none."""
         digest = content_hash(content)
-        path = self._path(digest)
-        if self._files.exists(path):
-            return digest
-        self._files.makedirs(path.rpartition("/")[0], exist_ok=True)
-        partial = f"{path}.{uuid.uuid4().hex}.partial"
-        with self._files.open(partial, "wb") as file:
-            file.write(content)
-            file.flush()
-            if hasattr(file, "fileno"):
-                os.fsync(file.fileno())
-        self._files.mv(partial, path)
+        if not self._files.exists(self._path(digest)):
+            with self._written(digest) as file:
+                file.write(content)
         return digest
 
     def put_file(self, path: Path, digest: str) -> None:
         """Keep a file's bytes, whose hash is known, with bounded memory; as whole as ``put``."""
-        if self._files.exists(self._path(digest)):
-            return
-        self._files.makedirs(self._path(digest).rpartition("/")[0], exist_ok=True)
-        partial = f"{self._path(digest)}.{uuid.uuid4().hex}.partial"
-        with path.open("rb") as source, self._files.open(partial, "wb") as file:
-            shutil.copyfileobj(source, file, _CHUNK)
-            file.flush()
-            if hasattr(file, "fileno"):
-                os.fsync(file.fileno())
-        self._files.mv(partial, self._path(digest))
+        if not self._files.exists(self._path(digest)):
+            with path.open("rb") as source, self._written(digest) as file:
+                shutil.copyfileobj(source, file, _CHUNK)
+
+    @contextmanager
+    def _written(self, digest: str) -> Iterator[Any]:
+        """A file beside the place of a hash, moved there when the block has ended well and removed when it has not."""
+        path = self._path(digest)
+        self._files.makedirs(path.rpartition("/")[0], exist_ok=True)
+        partial = f"{path}.{uuid.uuid4().hex}{_PARTIAL}"
+        try:
+            with self._files.open(partial, "wb") as file:
+                yield file
+                file.flush()
+                if hasattr(file, "fileno"):
+                    os.fsync(file.fileno())
+            self._files.mv(partial, path)
+        except BaseException:
+            with suppress(OSError):
+                self._files.rm_file(partial)
+            raise
+
+    def _remove_left_behind(self) -> None:
+        """Parts that a process was killed over; another one that writes beside us is given a day."""
+        for path in Path(self._root).glob(f"*/*{_PARTIAL}") if self._is_local else ():
+            with suppress(OSError):
+                if time.time() - path.stat().st_mtime > _LEFT_BEHIND_S:
+                    path.unlink()
 
     def chunks(self, digest: str) -> Iterator[bytes]:
         """Bytes of a hash in parts, checked at their end.
@@ -104,6 +127,9 @@ class RawStore:
     def ping(self) -> None:
         """Write and read back a few bytes; raises what the store raises."""
         path = f"{self._root}/.probe-{uuid.uuid4().hex}"
-        with self._files.open(path, "wb") as file:
-            file.write(b"ok")
-        self._files.rm_file(path)
+        try:
+            with self._files.open(path, "wb") as file:
+                file.write(b"ok")
+        finally:
+            with suppress(FileNotFoundError):
+                self._files.rm_file(path)

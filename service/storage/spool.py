@@ -1,6 +1,7 @@
 """Uploads on their way in: streamed to a file of the data folder while they are hashed, removed when done."""
 
 import hashlib
+import shutil
 import tempfile
 import time
 from collections.abc import AsyncIterator, Iterator
@@ -11,6 +12,7 @@ from pathlib import Path
 from starlette.concurrency import run_in_threadpool
 
 from service.errors import TooLarge
+from service.storage.disk import check_room
 
 _FLUSH_BYTES = 1 << 20
 _LEFT_BEHIND_S = 24 * 3600.0
@@ -26,10 +28,14 @@ class SpooledFile:
 
 
 class Spool:
-    """A folder for files that live as long as the request or the job that works on them."""
+    """A folder for files that live as long as the request or the job that works on them.
 
-    def __init__(self, folder: Path) -> None:
+    ``reserve`` are bytes that uploads leave on its disk.
+    """
+
+    def __init__(self, folder: Path, reserve: int = 0) -> None:
         self._folder = folder
+        self._reserve = reserve
         folder.mkdir(parents=True, exist_ok=True)
         self._remove_left_behind()
 
@@ -46,10 +52,13 @@ class Spool:
         ------
         TooLarge
             before a byte is read where the declared length says so, else as soon as the limit is passed.
+        StorageFull
+            when the disk has no room for it beside the reserve.
         """
         too_large = TooLarge(f"the upload is larger than {limit} bytes: split the record into segments")
         if declared.isdigit() and int(declared) > limit:
             raise too_large
+        check_room(self._folder, int(declared) if declared.isdigit() else 0, self._reserve)
         path = self._new()
         hashed, size = hashlib.sha256(), 0
         try:
@@ -100,7 +109,7 @@ class Spool:
 
     def _remove_left_behind(self) -> None:
         """Files of a process that was killed; another one that runs beside us is given a day."""
-        for path in self._folder.glob("upload-*"):
+        for path in (*self._folder.glob("upload-*"), *self._folder.glob("parsed-*")):
             with suppress(FileNotFoundError):
                 if time.time() - path.stat().st_mtime > _LEFT_BEHIND_S:
-                    path.unlink()
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()

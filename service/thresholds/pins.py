@@ -6,7 +6,9 @@ from datetime import UTC, datetime
 from sqlalchemy import ColumnElement, func, or_, select
 from sqlalchemy.orm import Session
 
-from service.storage.tables import Pump, ThresholdPin, ThresholdVersion
+from service.storage.tables import InstallationValue, Pump, ThresholdPin, ThresholdVersion
+
+_COUNTER = "threshold counter"
 
 
 def pinned_version(
@@ -46,5 +48,18 @@ def hold(session: Session, pump: Pump, number: int | None, author: str) -> None:
 
 
 def newest_number(session: Session) -> int:
-    """Highest number of any version; 0 before the first."""
-    return session.scalar(select(func.max(ThresholdVersion.number))) or 0
+    """Highest number that any version has or had; 0 before the first."""
+    highest = session.scalar(select(func.max(ThresholdVersion.number))) or 0
+    kept = session.get(InstallationValue, _COUNTER)
+    return max(highest, int(kept.value) if kept else 0)
+
+
+def keep_counter(session: Session) -> None:
+    """Remember the highest number before versions are deleted: verdicts name it, and no other version may get it."""
+    number = str(newest_number(session))
+    kept = session.get(InstallationValue, _COUNTER)
+    if kept is None:
+        session.add(InstallationValue(name=_COUNTER, value=number))
+    else:
+        kept.value = number
+    session.flush()

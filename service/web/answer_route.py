@@ -84,6 +84,11 @@ def unknown_parameters(request: Request) -> list[Fault]:
     return [Fault(f"query.{name}", words) for name in dict.fromkeys(request.query_params) if name not in known]
 
 
+async def _unknown(request: Request) -> list[Fault]:
+    # a coroutine costs no thread
+    return unknown_parameters(request)
+
+
 def declared_parameters(route: APIRoute) -> list[str]:
     """Names of the query parameters that a route declares, in its signature or beside it, in their order."""
     found: list[str] = []
@@ -127,7 +132,7 @@ def _refusing(endpoint: Endpoint) -> Endpoint:
     # after its own parameters, so that faults of those are named in the same answer
     signature = inspect.signature(endpoint)
     further = inspect.Parameter(
-        _UNKNOWN, inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[list[Fault], Depends(unknown_parameters)]
+        _UNKNOWN, inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[list[Fault], Depends(_unknown)]
     )
     called.__signature__ = signature.replace(  # type: ignore[attr-defined]
         parameters=[*signature.parameters.values(), further]

@@ -5,10 +5,12 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from service.access.security import EVERYBODY, Principal, principal_of, touch_key
-from service.access.sessions import SESSION_COOKIE, Visitor, find_session
+from service.access.sessions import Visitor, find_session, session_cookie
 from service.context import Context
 from service.errors import Unauthenticated
+from service.settings import is_loopback
 from service.storage.database import Database
+from service.storage.failures import passing_failures
 
 
 def context_of(request: Request) -> Context:
@@ -41,8 +43,13 @@ def principal(request: Request) -> Principal:
 def visitor_of(request: Request) -> Visitor | None:
     """Who is signed in to the pages; None without a living session."""
     context = context_of(request)
-    token = request.cookies.get(SESSION_COOKIE, "")
+    token = request.cookies.get(session_cookie(is_secure(request)), "")
     return find_session(context.database, token, context.settings) if token else None
+
+
+def is_secure(request: Request) -> bool:
+    """True where a cookie needs an encrypted way: everywhere but on this machine."""
+    return not is_loopback(request.url.hostname or "")
 
 
 def known_principal(database: Database, key: str) -> Principal:
@@ -56,12 +63,18 @@ def known_principal(database: Database, key: str) -> Principal:
     with database.reading() as session:
         found, stale = principal_of(session, key)
     if stale:
-        with database.writing() as session:
+        # a full disk must not keep anybody from reading
+        with passing_failures("the time of a key's last use is not noted"), database.writing() as session:
             touch_key(session, key)
     return found
 
 
-ContextOf = Annotated[Context, Depends(context_of)]
+async def _context(request: Request) -> Context:
+    # a coroutine costs no thread: who waits for one of forty would not be told that the database hangs
+    return context_of(request)
+
+
+ContextOf = Annotated[Context, Depends(_context)]
 
 
 Asker = Annotated[Principal, Depends(principal)]

@@ -2,10 +2,14 @@
 
 import base64
 import hashlib
+import hmac
 import json
+import secrets
 from collections.abc import Callable, Mapping, Sequence
+from contextvars import ContextVar
 from typing import Any, TypeVar
 
+from service import __version__
 from service.answers.words import Page
 from service.errors import Fault, Invalid
 
@@ -15,9 +19,21 @@ Row = TypeVar("Row")
 Shown = TypeVar("Shown")
 
 
+_key: ContextVar[bytes] = ContextVar("cursor key", default=secrets.token_bytes(32))  # noqa: B039 - bytes do not change
+
+
+def sign_with(key: bytes) -> None:
+    """Sign and read the cursors of this request with an installation's key."""
+    _key.set(key)
+
+
 def _signature(query: Mapping[str, Any], place: Any) -> str:
-    """Tells a cursor of another query, and one that was cut or changed on the way."""
-    return hashlib.sha256(json.dumps([query, place], sort_keys=True, default=str).encode()).hexdigest()[:12]
+    """Tells a cursor of ours from one that was made, cut or changed by others, and from that of another query or release.
+
+    A place is handed to the database as it is: whoever could sign one could ask with anything.
+    """
+    text = json.dumps([__version__, query, place], sort_keys=True, default=str).encode()
+    return hmac.new(_key.get(), text, hashlib.sha256).hexdigest()[:32]
 
 
 def cursor_after(query: Mapping[str, Any], place: Any) -> str:
@@ -38,9 +54,9 @@ def place_of(query: Mapping[str, Any], cursor: str | None) -> Any:
         return None
     try:
         signature, place = json.loads(base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)))
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         raise Invalid("the cursor is not one of ours", [Fault("cursor", "cannot be read")]) from None
-    if signature != _signature(query, place):
+    if not hmac.compare_digest(str(signature).encode("utf-8", "replace"), _signature(query, place).encode()):
         raise Invalid(
             "the cursor is damaged or belongs to another query: repeat the query that gave it",
             [Fault("cursor", "was given for other parameters")],

@@ -40,6 +40,7 @@ def lent(settings: Settings, **options: Any) -> Iterator[TestClient]:
     app, portal = _idle.pop() if _idle else _built()
     context = opened(settings)
     app.state.context = context
+    options.setdefault("base_url", "http://localhost")
     client = TestClient(app, raise_server_exceptions=False, **options)
     client.portal = portal
     try:

@@ -188,7 +188,7 @@ def test_jobs_of_other_operators_are_unseen(settings: Settings) -> None:
     from service.access.security import new_key
 
     guarded = settings.model_copy(update={"auth": "on"})
-    with TestClient(create_app(guarded)) as client:
+    with TestClient(create_app(guarded), base_url="http://localhost") as client:
         keys = {}
         with client.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
             for operator in ("north", "south"):
@@ -222,7 +222,7 @@ def test_orphaned_jobs_are_taken_up(settings: Settings, monkeypatch: pytest.Monk
             job.status, job.created_at, job.heartbeat_at = status, long_ago, long_ago
             ids.append(job.id)
     context.close()
-    with TestClient(create_app(settings)) as client:
+    with TestClient(create_app(settings), base_url="http://localhost") as client:
         assert [finished(client, job_id)["status"] for job_id in ids] == ["succeeded", "succeeded"]
         assert client.get(f"{API}/pumps/P-1").json()["records"] == 1
 

@@ -399,7 +399,7 @@ class TestMail:
 
 def test_the_postman_works_by_itself(database_url: str, tmp_path: Path, inbox: Inbox) -> None:
     settings = Settings(database_url=database_url, data_dir=tmp_path, auth="on", webhook_allowed_hosts="localhost")
-    with TestClient(create_app(settings)) as client:
+    with TestClient(create_app(settings), base_url="http://localhost") as client:
         hook(client, key(client, "admin"), inbox.url)
         write(client, "hi")
         assert inbox.arrived.wait(60)

@@ -41,7 +41,12 @@ def test_a_call_is_complete(method: str, path: str, operation: dict[str, Any]) -
     assert operation["summary"]
     assert operation["description"]
     assert operation["tags"]
-    problems = {s: r for s, r in operation["responses"].items() if int(s) >= 400}
+    shared = COMMITTED["components"]["responses"]
+    problems = {
+        s: shared[r["$ref"].rpartition("/")[2]] if "$ref" in r else r
+        for s, r in operation["responses"].items()
+        if int(s) >= 400
+    }
     for status, response in problems.items():
         content = response["content"]["application/problem+json"]
         assert content["schema"] == {"$ref": "#/components/schemas/Problem"}

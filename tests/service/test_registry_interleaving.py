@@ -188,7 +188,7 @@ class Interleaving(RuleBasedStateMachine):
         """The service goes on in another process, as it were: nothing but the database and the bytes is left of it."""
         self.restarted = True
         settings = self.life.client.app.state.context.settings  # type: ignore[attr-defined]
-        self.life.client = self.processes.enter_context(TestClient(create_app(settings)))
+        self.life.client = self.processes.enter_context(TestClient(create_app(settings), base_url="http://localhost"))
 
     def _from_scratch(self) -> None:
         """What is stored with the help of snapshots is what a fold that trusts nothing stores."""

@@ -108,7 +108,7 @@ def fresh(client: TestClient, tmp_path: Path) -> Iterator[TestClient]:
     with (
         mock.patch("service.jobs.engine.start"),
         mock.patch("service.jobs.engine.stop"),
-        TestClient(create_app(settings)) as running,
+        TestClient(create_app(settings), base_url="http://localhost") as running,
     ):
         yield running
 
@@ -133,7 +133,7 @@ def test_the_fleet_is_reduced_again_in_the_background(
 ) -> None:
     """In chunks: what a process did before it was stopped need not be done again."""
     monkeypatch.setattr(renewal, "CHUNK", 2)
-    with TestClient(create_app(settings)) as client:
+    with TestClient(create_app(settings), base_url="http://localhost") as client:
         for record in worn_records[:5]:
             send(client, record)
         before = verdict(client, worn_records[0])
@@ -151,7 +151,7 @@ def test_the_fleet_is_reduced_again_in_the_background(
 
 def test_a_start_takes_up_what_is_marked_old(settings: Settings, worn_records: list[DemoRecord]) -> None:
     """A migrated database says nothing of who made its rows."""
-    with TestClient(create_app(settings)) as client:
+    with TestClient(create_app(settings), base_url="http://localhost") as client:
         for record in worn_records[:3]:
             send(client, record)
         before = verdict(client, worn_records[0])
@@ -162,7 +162,7 @@ def test_a_start_takes_up_what_is_marked_old(settings: Settings, worn_records: l
                 row.reduced_with = "an older twin"
             for row in session.scalars(select(StoredAssessment)):
                 row.chain = None
-    with TestClient(create_app(settings)) as client:
+    with TestClient(create_app(settings), base_url="http://localhost") as client:
         for _ in range(600):
             if pump_of(client).made_with == made_with():
                 break

@@ -24,7 +24,7 @@ URL = "/api/v1/twin/simulation"
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     """Nothing here reads the database: one of its own kind is enough."""
     settings = Settings(data_dir=tmp_path_factory.mktemp("data"), database_url="", auth="off")
-    with TestClient(create_app(settings), raise_server_exceptions=False) as client:
+    with TestClient(create_app(settings), base_url="http://localhost", raise_server_exceptions=False) as client:
         yield client
 
 

@@ -181,11 +181,11 @@ def test_histories_older_than_snapshots_are_taken_over(context: Context, flights
 def test_snapshots_survive_a_restart_and_go_with_their_operator(
     settings: Settings, flights: Sequence[Observation], read: list[str]
 ) -> None:
-    with TestClient(create_app(settings)) as client:
+    with TestClient(create_app(settings), base_url="http://localhost") as client:
         before = client.app.state.context  # type: ignore[attr-defined]
         store(before, flights[:10], SERIAL, OPERATOR)
         store(before, [replace(o, aircraft="G-1") for o in flights[:3]], SERIAL, "south")
-    with TestClient(create_app(settings)) as client:
+    with TestClient(create_app(settings), base_url="http://localhost") as client:
         after = client.app.state.context  # type: ignore[attr-defined]
         read.clear()
         store(after, flights[10:11], SERIAL, OPERATOR)

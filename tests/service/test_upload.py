@@ -262,7 +262,7 @@ def test_stored_but_not_analysed_is_picked_up_at_the_next_start(client: TestClie
     with context.spool.of(body()) as file:
         record_id = context.acceptance.store(Upload(file, "application/json", "", {}), EVERYBODY).record_id
     assert client.get(f"/api/v1/records/{record_id}").json()["status"] == "stored"
-    with TestClient(create_app(settings)) as restarted:
+    with TestClient(create_app(settings), base_url="http://localhost") as restarted:
         for _ in range(100):
             status = restarted.get(f"/api/v1/records/{record_id}").json()["status"]
             if status != "stored":

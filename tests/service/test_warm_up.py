@@ -30,7 +30,7 @@ def compiled():
 
 settings = Settings(data_dir=Path(sys.argv[1]), database_url="", auth="off")
 flights = list(pump_records(PUMPS[0], 16, seed=1))
-with TestClient(create_app(settings)) as client:
+with TestClient(create_app(settings), base_url="http://localhost") as client:
     before = compiled()
     assert before["twin.simulation.loop.run_loop"] == 1
     assert before["detectors.bank.kernel.step"] == 1

@@ -12,6 +12,7 @@ from service.storage.tables.history import (
     RecordMark,
     VerdictRevision,
 )
+from service.storage.tables.installation import InstallationValue
 from service.storage.tables.jobs import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
 from service.storage.tables.mappings import StoredMapping
 from service.storage.tables.operators import Deletion, OperatorSettings
@@ -57,6 +58,7 @@ __all__ = [
     "Finding",
     "FoldSnapshot",
     "Installation",
+    "InstallationValue",
     "Job",
     "JobItem",
     "MaintenanceEvent",

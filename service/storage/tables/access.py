@@ -2,10 +2,13 @@
 
 from datetime import datetime
 
-from sqlalchemy import ForeignKey, Index
+from sqlalchemy import ForeignKey, Index, UniqueConstraint, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.storage.tables.base import Base
+
+_OF_ALL = text("operator IS NULL")
+"""A unique constraint takes every missing operator for another one."""
 
 
 class ApiKey(Base):
@@ -25,12 +28,19 @@ class ApiKey(Base):
 
 
 class User(Base):
-    """Somebody who signs in to the pages; the password is kept as an Argon2id hash."""
+    """Somebody who signs in to the pages; the password is kept as an Argon2id hash.
+
+    Two operators may have somebody of the same name and learn nothing of it.
+    """
 
     __tablename__ = "users"
+    __table_args__ = (
+        UniqueConstraint("operator", "name"),
+        Index("ix_users_name_of_all", "name", unique=True, sqlite_where=_OF_ALL, postgresql_where=_OF_ALL),
+    )
 
     id: Mapped[str] = mapped_column(primary_key=True)
-    name: Mapped[str] = mapped_column(unique=True)
+    name: Mapped[str]
     role: Mapped[str]
     operator: Mapped[str | None]
     email: Mapped[str | None]

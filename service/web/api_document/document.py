@@ -19,11 +19,14 @@ from service.errors import (
     Fault,
     Forbidden,
     Invalid,
+    Misdirected,
     NotFound,
     PreconditionRequired,
     Problem,
     StaleVersion,
+    StorageFull,
     TooLarge,
+    TooSlow,
     Unauthenticated,
     Unavailable,
     Undecodable,
@@ -66,12 +69,16 @@ _EXAMPLES: tuple[Problem, ...] = (
     Invalid("the request has 1 fault(s)", [Fault("query.limit", "Input should be less than or equal to 500")]),
     PreconditionRequired('send If-Match with the version you read ("4"), or * for the first'),
     Unavailable("the raw store does not answer: try again"),
-    Problem("something went wrong on our side; the log has it under the request id"),
+    TooSlow("the body does not arrive: send it again"),
+    Misdirected("without authentication this service answers to localhost only: call it http://127.0.0.1"),
+    StorageFull("the disk is full; nothing was changed: what is stored can be read, uploads wait for space"),
+    Problem("something went wrong on our side; the log has it under the request id 5f3c29aa10be"),
 )
 _BY_STATUS = {int(problem.status): problem for problem in _EXAMPLES}
 _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("POST", "/records"): (400, 404, 409, 413, 415, 503),
     ("GET", "/records/{record_id}/raw"): (503,),
+    ("GET", "/pump-types/{name}/reference-curve"): (403,),
     ("POST", "/alarms/{alarm_id}/acknowledge"): (409,),
     ("POST", "/alarms/{alarm_id}/shelve"): (409,),
     ("POST", "/alarms/{alarm_id}/unshelve"): (409,),
@@ -107,8 +114,15 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("DELETE", "/pumps/{serial}/maintenance/{entry_id}"): (503,),
     ("POST", "/registry/{kind}.csv"): (400, 413, 503),
     ("DELETE", "/operators/{operator}"): (409,),
+    ("PATCH", "/users/{name}"): (409,),
+    ("DELETE", "/users/{name}/sessions"): (409,),
 }
 """Answers beyond those that follow from a route's shape: 401, 403, 422 and, with a name in its path, 404."""
+_EVERYWHERE = (400, 408, 413, 421, 422, 500)
+"""A head that breaks its own grammar, a body that does not come or is too large, a host that is not served, a parameter
+that is not known, a mistake of ours: before or behind any call."""
+_OF_WRITES = (403, 503, 507)
+"""Another site that writes, a database that is away, a disk that is full; the API's reads need the database too."""
 _GUARDED_READS = ("/audit", "/keys", "/mappings/{name}", "/operators", "/users", "/webhooks")
 """What not everybody may read; of other reads a foreign name is one that does not exist."""
 _RECORD: dict[str, Any] = {
@@ -172,6 +186,7 @@ def _completed(app: FastAPI) -> dict[str, Any]:
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
     schemas |= _problem_schemas()
+    components["responses"] = {f"Problem{status}": _problem_response(status) for status in _BY_STATUS}
     components["securitySchemes"] = {"key": {"type": "http", "scheme": "bearer", "description": "An API key"}}
     for _, _, operation in operations(document):
         _name_shapes(operation, schemas)
@@ -228,15 +243,29 @@ def _complete(method: str, path: str, operation: dict[str, Any], example: Any) -
         operation["security"] = [{"key": []}]
     for kind, body in _BODIES.get((method, path.removeprefix(_API.rstrip("/"))), {}).items():
         operation["requestBody"]["content"].setdefault(kind, {})["example"] = body
-    for status in _problems(method, path, "requestBody" in operation or "parameters" in operation):
-        responses[str(status)] = _problem_response(status)
+    own = _problems(method, path, "requestBody" in operation or "parameters" in operation)
+    for status in sorted({*own, *_anywhere(method, path, operation)}):
+        shared = {"$ref": f"#/components/responses/Problem{status}"}
+        responses[str(status)] = _problem_response(status) if status in own else shared
+
+
+def _anywhere(method: str, path: str, operation: Mapping[str, Any]) -> set[int]:
+    """Statuses of the ring around all calls, and of the reading of a body."""
+    statuses = set(_EVERYWHERE)
+    if path.startswith(_API):
+        statuses.add(503)
+    if method != "GET":
+        statuses |= set(_OF_WRITES)
+    if "application/json" in operation.get("requestBody", {}).get("content", {}):
+        statuses.add(415)
+    return statuses
 
 
 def _problems(method: str, path: str, has_input: bool) -> list[int]:
     if not path.startswith(_API):
-        return [500]
+        return []
     short = path.removeprefix(_API.rstrip("/"))
-    statuses = {401, 500, *_FURTHER.get((method, short), ())}
+    statuses = {401, *_FURTHER.get((method, short), ())}
     if short.startswith(_GUARDED_READS) if method == "GET" else not short.startswith(_WITHOUT_FORBIDDEN):
         statuses.add(403)
     if "{" in path and short != _ALL_NAMES_KNOWN:

@@ -36,7 +36,7 @@ def _shown(document: dict[str, Any], method: str, path: str, operation: dict[str
         "parameters": [_parameter(p) for p in operation.get("parameters", [])],
         "body_types": list(body),
         "body": [_schema(document, content) for content in body.values() if content],
-        "responses": [_response(s, r) for s, r in sorted(operation["responses"].items())],
+        "responses": [_response(document, s, r) for s, r in sorted(operation["responses"].items())],
     }
 
 
@@ -75,7 +75,11 @@ def _kind(schema: dict[str, Any]) -> str:
     return ", ".join(choices) if choices else " or ".join(k for k in kinds if k)
 
 
-def _response(status: str, response: dict[str, Any]) -> dict[str, Any]:
+def _response(document: dict[str, Any], status: str, response: dict[str, Any]) -> dict[str, Any]:
+    shared = response.get("$ref", "").rpartition("/")[2]
+    if shared:
+        # what any call may answer: an example beside each of them would drown the call's own
+        response = {"description": document["components"]["responses"][shared]["description"]}
     content = response.get("content", {})
     example = next((c["example"] for c in content.values() if "example" in c), None)
     return {

@@ -9,20 +9,20 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from service.access import audit
 from service.access.security import Principal
 from service.access.sessions import (
-    SESSION_COOKIE,
     check_pace,
+    cookie_name,
     end_session,
     forget_failures,
     key_of,
     note_failure,
+    session_cookie,
     start_session,
 )
 from service.access.users import with_password
 from service.errors import Forbidden, Problem
-from service.settings import is_loopback
 from service.storage.tables import User
 from service.web.dashboard.pages import html_page
-from service.web.dependencies import context_of, visitor_of
+from service.web.dependencies import context_of, is_secure, visitor_of
 
 sign_in_router = APIRouter(include_in_schema=False)
 _FORM_COOKIE = "casedrain_sign_in"
@@ -42,7 +42,7 @@ def sign_in(
 ) -> Response:
     """Start a session; its cookie cannot be read by scripts nor sent by forms of other sites."""
     context = context_of(request)
-    held = request.cookies.get(_FORM_COOKIE, "")
+    held = request.cookies.get(_form_cookie(request), "")
     if not held or not secrets.compare_digest(held.encode(), csrf_token.encode()):
         return _asked(request, 403, "The form has expired. Please try again.")
     address = request.client.host if request.client else "unknown"
@@ -71,14 +71,14 @@ def sign_in(
         return _asked(request, 401, what)
     response = RedirectResponse("/", status_code=303)
     response.set_cookie(
-        SESSION_COOKIE,
+        session_cookie(is_secure(request)),
         token,
         max_age=int(context.settings.session_hours * 3600),
         httponly=True,
         samesite="lax",
-        secure=_is_secure(request),
+        secure=is_secure(request),
     )
-    response.delete_cookie(_FORM_COOKIE)
+    response.delete_cookie(_form_cookie(request), secure=is_secure(request), httponly=True)
     return response
 
 
@@ -97,7 +97,7 @@ def sign_out(request: Request, csrf_token: _Field = "") -> Response:
             who = visitor.principal
             audit.note(session, who, "session.end", f"user/{who.owner}", who.operator)
     response = RedirectResponse("/sign-in", status_code=303)
-    response.delete_cookie(SESSION_COOKIE)
+    response.delete_cookie(session_cookie(is_secure(request)), secure=is_secure(request), httponly=True)
     return response
 
 
@@ -105,10 +105,11 @@ def _asked(request: Request, status: int, problem: str | None, headers: dict[str
     token = secrets.token_urlsafe(32)
     response = html_page("sign_in.html", status, {"request": request, "problem": problem, "csrf_token": token})
     response.headers.update(headers or {})
-    response.set_cookie(_FORM_COOKIE, token, max_age=3600, httponly=True, samesite="strict", secure=_is_secure(request))
+    response.set_cookie(
+        _form_cookie(request), token, max_age=3600, httponly=True, samesite="strict", secure=is_secure(request)
+    )
     return response
 
 
-def _is_secure(request: Request) -> bool:
-    """A cookie needs an encrypted way, unless it never leaves this machine."""
-    return not is_loopback(request.url.hostname or "")
+def _form_cookie(request: Request) -> str:
+    return cookie_name(_FORM_COOKIE, is_secure(request))

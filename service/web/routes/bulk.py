@@ -13,6 +13,7 @@ from service.ingest.mapping_version import MappingVersion
 from service.jobs.requests import ask_for
 from service.storage.spool import SpooledFile
 from service.storage.tables import Job
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes.jobs import shown
@@ -47,7 +48,7 @@ async def upload_many(
     declared = request.headers.get("content-length", "")
     async with context.spool.received(request.stream(), declared, context.settings.max_bulk_bytes) as file:
         job = await run_in_threadpool(_asked, context, asker, file, kind, overrides, named)
-    response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+    response.headers["Location"] = location("jobs", job.id)
     return shown(job)
 
 

@@ -16,6 +16,7 @@ from service.jobs.kinds import kind_named
 from service.jobs.products import CONTENT_TYPES, digest_of
 from service.jobs.requests import ask_for
 from service.storage.tables import Job, JobItem
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -80,7 +81,7 @@ def make(body: NewJob, response: Response, context: ContextOf, asker: Asker) -> 
     if ours:
         raise Invalid(f"the parameters have {len(ours)} fault(s)", ours)
     job = ask_for(context, asker, body.kind, body.operator, body.parameters)
-    response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+    response.headers["Location"] = location("jobs", job.id)
     return shown(job)
 
 

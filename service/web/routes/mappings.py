@@ -22,6 +22,7 @@ from service.ingest.preview import preview
 from service.ingest.raw import RawFile, TextDialect
 from service.ingest.suggesting import proposed
 from service.storage.tables import StoredMapping
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -94,7 +95,7 @@ def make(body: NewMapping, response: Response, context: ContextOf, asker: Asker,
         else:
             raise Conflict(f"there is a channel mapping {body.name} already: change it with PUT /mappings/{body.name}")
     response.headers["ETag"] = _etag(row)
-    response.headers["Location"] = f"/api/v1/mappings/{row.name}"
+    response.headers["Location"] = location("mappings", row.name)
     return _shown(row)
 
 

@@ -1,42 +1,44 @@
 """Liveness, readiness and metrics, without prefix and without a key."""
 
+import asyncio
 from concurrent.futures import ThreadPoolExecutor
-from concurrent.futures import TimeoutError as TookTooLong
+from typing import Annotated
 
-from fastapi import APIRouter, Response
+from fastapi import APIRouter, Header, Request, Response
 from fastapi.responses import JSONResponse
-from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from prometheus_client import REGISTRY
+from prometheus_client.exposition import choose_encoder
 
 from service.answers.operations import Alive, Readiness
 from service.context import Context
 from service.identity import software
 from service.storage.database import pending_migration
+from service.storage.disk import shortage
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import ContextOf
 
 router = APIRouter(tags=["operations"], route_class=AnswerRoute)
-READY_TIMEOUT_S = 5.0
+READY_TIMEOUT_S = 2.0
 _probes = ThreadPoolExecutor(max_workers=4, thread_name_prefix="readyz")
 
 
 @router.get("/healthz", summary="Is the process alive")
-def alive() -> Alive:
-    """Answers as long as the process serves."""
+async def alive() -> Alive:
+    """Answers as long as the process serves, whatever the database and the threads of other requests do."""
     return {"status": "alive"}
 
 
 @router.get("/readyz", summary="Can it do its work", response_model=Readiness)
-def ready(context: ContextOf) -> JSONResponse:
-    """Asks database, schema and raw store, each within a few seconds; says which software answers."""
-    waiting = {name: _probes.submit(check, context) for name, check in _CHECKS.items()}
-    checks = {}
-    for name, probe in waiting.items():
-        try:
-            checks[name] = probe.result(READY_TIMEOUT_S) or "ok"
-        except TookTooLong:
-            checks[name] = f"no answer within {READY_TIMEOUT_S:g} s"
-        except Exception as error:
-            checks[name] = type(error).__name__
+async def ready(request: Request, context: ContextOf) -> JSONResponse:
+    """Asks database, schema, raw store and the room on the disks, each within two seconds; says which software answers.
+
+    A process that is about to stop says so here first.
+    """
+    waiting = {name: asyncio.wrap_future(_probes.submit(check, context)) for name, check in _CHECKS.items()}
+    await asyncio.wait(waiting.values(), timeout=READY_TIMEOUT_S)
+    checks = {name: _said(probe) for name, probe in waiting.items()}
+    if getattr(request.app.state, "is_stopping", False):
+        checks["process"] = "is stopping"
     good = all(answer == "ok" for answer in checks.values())
     body: Readiness = {
         "status": "ready" if good else "not ready",
@@ -47,9 +49,19 @@ def ready(context: ContextOf) -> JSONResponse:
 
 
 @router.get("/metrics", summary="Prometheus metrics", response_class=Response)
-def metrics() -> Response:
-    """Counters and timings of this process."""
-    return Response(generate_latest(), media_type=CONTENT_TYPE_LATEST)
+def metrics(accept: Annotated[str, Header(include_in_schema=False)] = "") -> Response:
+    """Counters and timings of this process; as OpenMetrics, where it is asked for, errors name their last request."""
+    encode, media_type = choose_encoder(accept)
+    return Response(encode(REGISTRY), media_type=media_type)
+
+
+def _said(probe: asyncio.Future[str | None]) -> str:
+    if not probe.done():
+        # a thread that hangs in a driver cannot be stopped: what it says later is nobody's business
+        probe.add_done_callback(lambda late: late.cancelled() or late.exception())
+        return f"no answer within {READY_TIMEOUT_S:g} s"
+    error = probe.exception()
+    return type(error).__name__ if error is not None else probe.result() or "ok"
 
 
 def _database(context: Context) -> str | None:
@@ -62,4 +74,9 @@ def _raw_store(context: Context) -> str | None:
     return None
 
 
-_CHECKS = {"database": _database, "raw_store": _raw_store}
+def _disk(context: Context) -> str | None:
+    folders = [context.spool.folder, *context.raw_store.folders, *context.database.folders]
+    return shortage(folders, context.settings.min_free_bytes)
+
+
+_CHECKS = {"database": _database, "raw_store": _raw_store, "disk": _disk}

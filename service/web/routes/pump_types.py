@@ -3,7 +3,6 @@
 import json
 import tomllib
 from typing import Annotated, Any, cast
-from urllib.parse import quote
 
 from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from sqlalchemy.orm import Session
@@ -22,6 +21,7 @@ from service.jobs.refolding import refold_after
 from service.pump_types.parameter_sets import find_type, store, types
 from service.registry import reference_curves
 from service.thresholds.layers import Scope
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType
@@ -106,7 +106,7 @@ async def create(
     document = _document(bytes(content), request.headers.get("content-type", ""))
     wanted = _whose(asker.operator, operator)
     kind = await run_in_threadpool(_stored, context, asker, wanted, document)
-    response.headers["Location"] = f"/api/v1/pump-types/{quote(kind.name, safe='')}"
+    response.headers["Location"] = location("pump-types", kind.name)
     return _summary(kind)
 
 

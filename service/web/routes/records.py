@@ -22,6 +22,7 @@ from service.monitoring.withdrawal import withdraw_record
 from service.reading import queries
 from service.registry.fields import Instant, Reason
 from service.storage.tables import ANALYSED, Record
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -84,7 +85,7 @@ async def upload(
         accepted = await run_in_threadpool(take, new, asker)
     answer = await run_in_threadpool(_answer, context, asker, accepted.record_id)
     response.status_code = 200 if accepted.known else (201 if wait and not accepted.waiting else 202)
-    response.headers["Location"] = f"/api/v1/records/{accepted.record_id}"
+    response.headers["Location"] = location("records", accepted.record_id)
     if not wait and answer["status"] == "stored":
         background.add_task(context.acceptance.process, accepted.record_id)
     return answer

@@ -33,6 +33,7 @@ from service.thresholds.layers import (
     restore,
     versions,
 )
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes.jobs import shown
@@ -101,7 +102,7 @@ def previewed(body: Candidate, response: Response, context: ContextOf, asker: As
             values = {"scope": layer.kind, "id": layer.id, "operator": layer.operator, "values": body.values}
     job = ask_for(context, asker, "preview", None, values)
     response.status_code = 202
-    response.headers["Location"] = f"/api/v1/jobs/{job.id}"
+    response.headers["Location"] = location("jobs", job.id)
     return shown(job)
 
 

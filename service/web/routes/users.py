@@ -5,7 +5,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import ConfigDict, Field, SecretStr
-from sqlalchemy import select
+from sqlalchemy import select, tuple_
 
 from service.access import audit
 from service.access.security import Role
@@ -22,6 +22,8 @@ from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
 router = APIRouter(prefix="/users", tags=["administration"], route_class=AnswerRoute)
+
+Operator = Annotated[str | None, Query(description="Tells namesakes of several operators apart")]
 
 
 class NewUser(Body):
@@ -62,14 +64,14 @@ def listed(
     asker.require("admin")
     query = {"list": "users"}
     after = place_of(query, cursor)
-    wanted = select(User).order_by(User.name)
+    wanted = select(User).order_by(User.name, User.id)
     if asker.operator is not None:
         wanted = wanted.where(User.operator == asker.operator)
     if after is not None:
-        wanted = wanted.where(User.name > after[0])
+        wanted = wanted.where(tuple_(User.name, User.id) > (after[0], after[1]))
     with context.database.reading() as session:
         rows = list(session.scalars(wanted.limit(limit + 1)))
-        return page(rows, limit, query, lambda row: [row.name], _shown)
+        return page(rows, limit, query, lambda row: [row.name, row.id], _shown)
 
 
 @router.post("", status_code=201, summary="Make a user")
@@ -94,12 +96,12 @@ def make(body: NewUser, context: ContextOf, asker: Asker) -> Account:
 
 
 @router.patch("/{name}", summary="Change a user")
-def change(name: str, body: ChangedUser, context: ContextOf, asker: Asker) -> Account:
+def change(name: str, body: ChangedUser, context: ContextOf, asker: Asker, operator: Operator = None) -> Account:
     """Change password, role, mail or access; a new password or a lost access ends the user's sessions."""
     asker.require("admin")
     wanted = body.model_dump(exclude_unset=True)
     with context.database.writing() as session:
-        row = user(session, asker, name)
+        row = user(session, asker, name, operator)
         faults = password_faults(body.password.get_secret_value()) if body.password else []
         faults += address_faults(
             body.email if "email" in wanted else row.email,
@@ -126,11 +128,11 @@ def change(name: str, body: ChangedUser, context: ContextOf, asker: Asker) -> Ac
 
 
 @router.delete("/{name}/sessions", summary="Sign a user out everywhere")
-def sign_out(name: str, context: ContextOf, asker: Asker) -> SessionsEnded:
+def sign_out(name: str, context: ContextOf, asker: Asker, operator: Operator = None) -> SessionsEnded:
     """End every session of a user."""
     asker.require("admin")
     with context.database.writing() as session:
-        row = user(session, asker, name)
+        row = user(session, asker, name, operator)
         ended = end_sessions_of(session, row)
         audit.note(session, asker, "user.sign_out", f"user/{row.name}", row.operator, {"sessions": ended})
         return {"ended": ended}
