@@ -21,6 +21,7 @@ from starlette.exceptions import HTTPException
 import detectors.warm_up
 from service import __version__
 from service.alarms.ledger import catch_up
+from service.answers.problems import Problem as Told
 from service.context import Context
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Unavailable
 from service.jobs import engine
@@ -33,9 +34,8 @@ from service.settings import Settings
 from service.web.answer_route import unknown_parameters
 from service.web.api_document.document import openapi_document
 from service.web.api_document.page import docs_router
-from service.web.dashboard.actions import action_router
-from service.web.dashboard.pages import STATIC, page_router
-from service.web.dashboard.sign_in import sign_in_router
+from service.web.dashboard.frame import STATIC, problem_page, wants_page
+from service.web.dashboard.routers import dashboard_router
 from service.web.routes import (
     aircraft,
     alarms,
@@ -133,9 +133,7 @@ def create_app(settings: Settings) -> FastAPI:
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(operations.router)
-    app.include_router(page_router)
-    app.include_router(action_router)
-    app.include_router(sign_in_router)
+    app.include_router(dashboard_router)
     app.include_router(docs_router)
     app.mount("/static", STATIC, name="static")
     app.add_exception_handler(Problem, _on_problem)
@@ -193,10 +191,17 @@ def _problem_response(problem: Problem) -> JSONResponse:
     )
 
 
-async def _on_problem(_request: Request, error: Exception) -> Response:
+async def _told(request: Request, problem: Problem) -> Response:
+    """A problem as a page where a browser asks, else as JSON."""
+    if wants_page(request):
+        return await run_in_threadpool(problem_page, request, problem.body(), problem.headers)
+    return _problem_response(problem)
+
+
+async def _on_problem(request: Request, error: Exception) -> Response:
     if not isinstance(error, Problem):
         raise TypeError("only problems come here")
-    return _problem_response(error)
+    return await _told(request, error)
 
 
 async def _on_validation(request: Request, error: Exception) -> Response:
@@ -204,19 +209,21 @@ async def _on_validation(request: Request, error: Exception) -> Response:
         raise TypeError("only validation errors come here")
     faults = [Fault(".".join(str(p) for p in e["loc"]), e["msg"]) for e in error.errors()]
     faults += unknown_parameters(request)
-    return _problem_response(Invalid(f"the request has {len(faults)} fault(s)", faults))
+    return await _told(request, Invalid(f"the request has {len(faults)} fault(s)", faults))
 
 
-async def _on_http(_request: Request, error: Exception) -> Response:
+async def _on_http(request: Request, error: Exception) -> Response:
     if not isinstance(error, HTTPException):
         raise TypeError("only HTTP errors come here")
     title = HTTPStatus(error.status_code).phrase
-    body = {
+    body: Told = {
         "type": f"urn:casedrain:problem:{title.lower().replace(' ', '-')}",
         "title": title,
         "status": error.status_code,
         "detail": str(error.detail),
     }
+    if wants_page(request):
+        return await run_in_threadpool(problem_page, request, body, error.headers or {})
     return JSONResponse(body, status_code=error.status_code, media_type=PROBLEM_JSON, headers=error.headers)
 
 
@@ -224,19 +231,19 @@ async def _on_met(request: Request, error: Exception) -> Response:
     if getattr(getattr(error, "orig", None), "sqlstate", None) not in _MET:
         return await _on_anything(request, error)
     detail = "another change of the same pumps was under way; nothing was changed: repeat the request"
-    return _problem_response(Unavailable(detail, headers={"Retry-After": "1"}))
+    return await _told(request, Unavailable(detail, headers={"Retry-After": "1"}))
 
 
-async def _on_unstorable(_request: Request, _error: Exception) -> Response:
+async def _on_unstorable(request: Request, _error: Exception) -> Response:
     # Postgres refuses a NUL character where SQLite takes it: what cannot be stored cannot be found either
-    return _problem_response(
-        Invalid("the request holds characters or numbers that cannot be stored; nothing was changed")
+    return await _told(
+        request, Invalid("the request holds characters or numbers that cannot be stored; nothing was changed")
     )
 
 
 async def _on_anything(request: Request, error: Exception) -> Response:
     log.error("unexpected error", path=request.url.path, exc_info=error)
-    return _problem_response(Problem("something went wrong on our side; the log has it under the request id"))
+    return await _told(request, Problem("something went wrong on our side; the log has it under the request id"))
 
 
 async def _addressed(request: Request, answer: Callable[[Request], Awaitable[Response]]) -> Response:

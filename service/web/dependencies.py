@@ -39,10 +39,12 @@ def principal(request: Request) -> Principal:
 
 
 def visitor_of(request: Request) -> Visitor | None:
-    """Who is signed in to the pages; None without a living session."""
-    context = context_of(request)
-    token = request.cookies.get(SESSION_COOKIE, "")
-    return find_session(context.database, token, context.settings) if token else None
+    """Who is signed in to the pages; None without a living session. Looked up once for a request."""
+    if not hasattr(request.state, "visitor"):
+        context, token = context_of(request), request.cookies.get(SESSION_COOKIE, "")
+        request.state.visitor = find_session(context.database, token, context.settings) if token else None
+    visitor: Visitor | None = request.state.visitor
+    return visitor
 
 
 def known_principal(database: Database, key: str) -> Principal:

@@ -20,7 +20,7 @@ from tests.service.records import document as record_document
 API = "/api/v1"
 OPEN = "open"
 PAGE = "page"
-"""Instead of a role: needs no key; a page that a session of any role may see."""
+"""Instead of a role: needs no key, but a session; ``page_role`` says of which role at least."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Entry:
 
     ``role`` is the lowest that may use it. ``named`` says that the request names a thing of one operator, so that
     another operator's key gets 404; else it is answered from the asker's own data. ``refused`` says that no request
-    at all succeeds, whatever the role.
+    at all succeeds, whatever the role. ``page_role`` is the lowest role whose session sees a page.
     """
 
     role: str
@@ -39,6 +39,7 @@ class Entry:
     content: bytes | None = None
     headers: Mapping[str, str] = field(default_factory=dict)
     refused: bool = False
+    page_role: str = "viewer"
 
 
 _SOON = (datetime.now(UTC) + timedelta(days=2)).isoformat()
