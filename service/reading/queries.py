@@ -9,11 +9,12 @@ from sqlalchemy import Select, func, select, tuple_
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.records import Window
 from service.answers.verdicts import Estimate, Verdict
 from service.errors import NotFound
 from service.history.verdicts import empty_verdict
 from service.pump_types.parameter_sets import held_type
-from service.storage.tables import Aircraft, ApiKey, Pump, Record, StoredAssessment, VerdictRevision, Webhook
+from service.storage.tables import Aircraft, ApiKey, Pump, Record, Refusal, StoredAssessment, VerdictRevision, Webhook
 from service.thresholds.layers import thresholds_of
 
 
@@ -93,9 +94,10 @@ def records(
     until: datetime | None = None,
     status: str | None = None,
     after: Sequence[Any] | None = None,
-) -> Select[Record, str | None]:
-    """Records with their pump's serial, newest received first."""
-    query = select(Record, Pump.serial).outerjoin(Pump, Record.pump_id == Pump.id)
+) -> Select[Record, str | None, str | None]:
+    """Records with their pump's serial and the state right after them, newest received first."""
+    query = select(Record, Pump.serial, StoredAssessment.state).outerjoin(Pump, Record.pump_id == Pump.id)
+    query = query.outerjoin(StoredAssessment, StoredAssessment.record_id == Record.id)
     if principal.operator is not None:
         query = query.where(Record.operator == principal.operator)
     if serial is not None:
@@ -110,6 +112,23 @@ def records(
         place = (datetime.fromisoformat(after[0]), after[1])
         query = query.where(tuple_(Record.received_at, Record.id) < place)
     return query.order_by(Record.received_at.desc(), Record.id.desc())
+
+
+def windows_of(row: Record) -> list[Window]:
+    """Windows of a record in time order, each with its residuals; empty where it is not analysed."""
+    residuals = row.residuals or {}
+    found = (row.reduction or {}).get("windows", [])
+    return [{**window, "residuals": residuals.get(str(i), {})} for i, window in enumerate(found)]
+
+
+def refusals(principal: Principal, after: Sequence[Any] | None = None) -> Select[Refusal]:
+    """Uploads that were refused at once, the newest first."""
+    query = select(Refusal)
+    if principal.operator is not None:
+        query = query.where(Refusal.operator == principal.operator)
+    if after is not None:
+        query = query.where(tuple_(Refusal.received_at, Refusal.id) < (datetime.fromisoformat(after[0]), after[1]))
+    return query.order_by(Refusal.received_at.desc(), Refusal.id.desc())
 
 
 def pumps(principal: Principal, after: Sequence[Any] | None = None) -> Select[Pump]:
