@@ -225,10 +225,12 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
     ("GET", "/records"): Entry(PAGE, "/records"),
     ("GET", "/records/{record_id}"): Entry(PAGE, "/records/{record}", True),
+    ("GET", "/alarms"): Entry(PAGE, "/alarms"),
     # forms: they ask for a session and its token, which tests/service/test_page_forms.py has
     ("POST", "/alarms/{alarm_id}/{action}"): Entry(OPEN, "/alarms/{alarm}/acknowledge"),
     ("POST", "/pumps/{serial}/findings"): Entry(OPEN, "/pumps/{pump}/findings"),
     ("POST", "/pumps/{serial}/maintenance"): Entry(OPEN, "/pumps/{pump}/maintenance"),
+    ("POST", "/alarms"): Entry(OPEN, "/alarms"),
     ("POST", "/records/{record_id}/withdraw"): Entry(OPEN, "/records/{record}/withdraw"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),

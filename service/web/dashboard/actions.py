@@ -1,35 +1,16 @@
-"""Forms of the pump page: alarms handled, findings and maintenance entered. They work without script."""
+"""Forms of the pump page: findings and maintenance entered. They work without script."""
 
 from fastapi import APIRouter
 from fastapi.responses import Response
 
 from service.access import audit
-from service.alarms import reading
-from service.alarms.handling import Wish, handle
-from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
-from service.errors import Fault, Invalid
 from service.registry import findings, maintenance
 from service.registry.locks import locked_pump
-from service.web.dashboard.forms import SentForm, checked, done, instant_of, zoned
+from service.web.dashboard.forms import SentForm, checked, done, zoned
 from service.web.dashboard.frame import PageRoute
 from service.web.dashboard.links import pump_address
 
 action_router = APIRouter(include_in_schema=False, route_class=PageRoute)
-KINDS = {"acknowledge": ACKNOWLEDGE, "shelve": SHELVE, "unshelve": UNSHELVE, "close": CLOSE}
-
-
-@action_router.post("/alarms/{alarm_id}/{action}")
-def act(alarm_id: str, action: str, form: SentForm) -> Response:
-    """Do something about an alarm and go back to its pump."""
-    with form.context.database.reading() as session:
-        row, pump = reading.alarm(session, form.who, alarm_id)
-        link = pump_address(pump.serial, row.operator, "alarms")
-    form.goes_back_to(link)
-    if action not in KINDS:
-        raise Invalid("nothing was done", [Fault("action", f"is not one of {', '.join(KINDS)}")])
-    end = instant_of(form.text("until"), "until") if form.text("until") else None
-    handle(form.context.database, form.who, alarm_id, Wish(KINDS[action], form.text("reason") or None, end))
-    return done(link)
 
 
 @action_router.post("/pumps/{serial}/findings")

@@ -9,6 +9,7 @@ from fastapi import Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from starlette.staticfiles import StaticFiles
+from starlette.types import Receive, Scope, Send
 
 from detectors.words.verdict import TREND_METRICS
 from service import __version__
@@ -67,7 +68,16 @@ _templates.filters |= FILTERS
 
 
 class PageRoute(AnswerRoute):
-    """Route of a page or a form: it refuses query parameters that it does not know, and its problems are pages."""
+    """Route of a page or a form: it refuses query parameters that it does not know, and its problems are pages.
+
+    A filter that a form sends empty was not asked for.
+    """
+
+    async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request."""
+        parts = scope["query_string"].split(b"&")
+        scope["query_string"] = b"&".join(part for part in parts if not part.endswith(b"="))
+        await super().handle(scope, receive, send)
 
 
 def html_page(template: str, status: int, values: dict[str, Any]) -> HTMLResponse:

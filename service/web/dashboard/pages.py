@@ -159,7 +159,7 @@ def _actions(session: Session, asker: Principal, row: Pump) -> dict[str, Any]:
 
 def _alarms(session: Session, asker: Principal, row: Pump) -> list[Alarm]:
     """The pump's newest alarms as the API shows them."""
-    query = reading.alarms(asker, serial=row.serial, operator=row.operator).limit(_MOST_ALARMS)
+    query = reading.alarms(asker, reading.Wanted(serial=row.serial, operator=row.operator)).limit(_MOST_ALARMS)
     return [reading.shown(alarm, serial, kind) for alarm, serial, kind in session.execute(query)]
 
 

@@ -3,10 +3,11 @@
 from fastapi import APIRouter
 
 from service.web.dashboard.actions import action_router
+from service.web.dashboard.alarms import alarm_router
 from service.web.dashboard.pages import page_router
 from service.web.dashboard.records import record_router
 from service.web.dashboard.sign_in import sign_in_router
 
 dashboard_router = APIRouter()
-for _part in (page_router, record_router, action_router, sign_in_router):
+for _part in (page_router, record_router, alarm_router, action_router, sign_in_router):
     dashboard_router.include_router(_part)
