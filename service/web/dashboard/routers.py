@@ -7,7 +7,9 @@ from service.web.dashboard.alarms import alarm_router
 from service.web.dashboard.pages import page_router
 from service.web.dashboard.records import record_router
 from service.web.dashboard.sign_in import sign_in_router
+from service.web.dashboard.thresholds import threshold_router
+from service.web.dashboard.upload import upload_router
 
 dashboard_router = APIRouter()
-for _part in (page_router, record_router, alarm_router, action_router, sign_in_router):
+for _part in (page_router, record_router, alarm_router, threshold_router, upload_router, action_router, sign_in_router):
     dashboard_router.include_router(_part)
