@@ -228,6 +228,14 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", "/alarms"): Entry(PAGE, "/alarms"),
     ("GET", "/thresholds"): Entry(PAGE, "/thresholds?scope=operator&id={operator}", True),
     ("GET", "/upload"): Entry(PAGE, "/upload", page_role="analyst"),
+    ("GET", "/keys"): Entry(PAGE, "/keys", page_role="admin"),
+    ("GET", "/users"): Entry(PAGE, "/users", page_role="admin"),
+    ("GET", "/webhooks"): Entry(PAGE, "/webhooks", page_role="admin"),
+    ("GET", "/audit"): Entry(PAGE, "/audit", page_role="admin"),
+    ("GET", "/jobs"): Entry(PAGE, "/jobs"),
+    ("GET", "/jobs/{job_id}"): Entry(PAGE, "/jobs/{job}", True),
+    ("GET", "/reports/{job_id}"): Entry(PAGE, "/reports/{job}", True),
+    ("GET", "/registry"): Entry(PAGE, "/registry"),
     # forms: they ask for a session and its token, which tests/service/test_page_forms.py has
     ("POST", "/alarms/{alarm_id}/{action}"): Entry(OPEN, "/alarms/{alarm}/acknowledge"),
     ("POST", "/pumps/{serial}/findings"): Entry(OPEN, "/pumps/{pump}/findings"),
@@ -238,6 +246,30 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", "/thresholds/restore"): Entry(OPEN, "/thresholds/restore"),
     ("POST", "/upload"): Entry(OPEN, "/upload"),
     ("POST", "/upload/preview"): Entry(OPEN, "/upload/preview"),
+    ("POST", "/keys"): Entry(OPEN, "/keys"),
+    ("POST", "/keys/{key_id}/revoke"): Entry(OPEN, "/keys/{key}/revoke"),
+    ("POST", "/users"): Entry(OPEN, "/users"),
+    ("POST", "/users/{name}"): Entry(OPEN, "/users/{user}"),
+    ("POST", "/users/{name}/sign-out"): Entry(OPEN, "/users/{user}/sign-out"),
+    ("POST", "/webhooks"): Entry(OPEN, "/webhooks"),
+    ("POST", "/webhooks/{webhook_id}/remove"): Entry(OPEN, "/webhooks/{webhook}/remove"),
+    ("POST", "/jobs"): Entry(OPEN, "/jobs"),
+    ("POST", "/jobs/{job_id}/cancel"): Entry(OPEN, "/jobs/{job}/cancel"),
+    ("POST", "/registry/pumps"): Entry(OPEN, "/registry/pumps"),
+    ("POST", "/registry/pumps/{serial}"): Entry(OPEN, "/registry/pumps/{pump}"),
+    ("POST", "/registry/pumps/{serial}/installations"): Entry(OPEN, "/registry/pumps/{pump}/installations"),
+    ("POST", "/registry/pumps/{serial}/installations/{entry_id}"): Entry(
+        OPEN, "/registry/pumps/{pump}/installations/{installation}"
+    ),
+    ("POST", "/registry/pumps/{serial}/maintenance/{entry_id}/withdraw"): Entry(
+        OPEN, "/registry/pumps/{pump}/maintenance/{maintenance}/withdraw"
+    ),
+    ("POST", "/registry/pumps/{serial}/findings/{entry_id}/withdraw"): Entry(
+        OPEN, "/registry/pumps/{pump}/findings/{finding}/withdraw"
+    ),
+    ("POST", "/registry/aircraft"): Entry(OPEN, "/registry/aircraft"),
+    ("POST", "/registry/aircraft/{name}"): Entry(OPEN, "/registry/aircraft/{aircraft}"),
+    ("POST", "/registry/aircraft/{name}/sensors"): Entry(OPEN, "/registry/aircraft/{aircraft}/sensors"),
     ("POST", "/records/{record_id}/withdraw"): Entry(OPEN, "/records/{record}/withdraw"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),

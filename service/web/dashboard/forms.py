@@ -117,7 +117,8 @@ def texts(form: FormData) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for name, value in form.multi_items():
         if isinstance(value, str) and name != TOKEN:
-            found.setdefault(name, []).append(value.strip())
+            # what somebody types as a password is kept to the last blank
+            found.setdefault(name, []).append(value if name == "password" else value.strip())
     bad = [n for n, values in found.items() if not is_storable(n) or not is_storable(values)]
     if bad:
         raise Invalid("the form cannot be stored", [Fault(ascii(n), "holds characters that no text has") for n in bad])
