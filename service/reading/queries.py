@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, TypeVar
 
-from sqlalchemy import Select, func, select, tuple_
-from sqlalchemy.orm import Session
+from sqlalchemy import ScalarSelect, Select, func, or_, select, tuple_
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from service.access.security import Principal
 from service.answers.records import Window
@@ -14,7 +14,17 @@ from service.answers.verdicts import Estimate, Verdict
 from service.errors import NotFound
 from service.history.verdicts import empty_verdict
 from service.pump_types.parameter_sets import held_type
-from service.storage.tables import Aircraft, ApiKey, Pump, Record, Refusal, StoredAssessment, VerdictRevision, Webhook
+from service.storage.tables import (
+    Aircraft,
+    Alarm,
+    ApiKey,
+    Pump,
+    Record,
+    Refusal,
+    StoredAssessment,
+    VerdictRevision,
+    Webhook,
+)
 from service.thresholds.layers import thresholds_of
 
 
@@ -131,14 +141,61 @@ def refusals(principal: Principal, after: Sequence[Any] | None = None) -> Select
     return query.order_by(Refusal.received_at.desc(), Refusal.id.desc())
 
 
-def pumps(principal: Principal, after: Sequence[Any] | None = None) -> Select[Pump]:
-    """Pumps by operator and serial."""
+@dataclass(frozen=True, slots=True)
+class WantedPumps:
+    """What a list of pumps is narrowed to; None takes all. ``silent_ids`` are those that are silent."""
+
+    state: str | None = None
+    side: str | None = None
+    aircraft: str | None = None
+    pump_type: str | None = None
+    priority: str | None = None
+    silent: bool | None = None
+    silent_ids: frozenset[int] = frozenset()
+
+
+_ALL_PUMPS = WantedPumps()
+
+
+def pumps(principal: Principal, after: Sequence[Any] | None = None, wanted: WantedPumps = _ALL_PUMPS) -> Select[Pump]:
+    """Pumps by operator and serial; narrowed by their newest verdict, where they were last, and their open alarm."""
     query = select(Pump)
     if principal.operator is not None:
         query = query.where(Pump.operator == principal.operator)
     if after is not None:
         query = query.where(tuple_(Pump.operator, Pump.serial) > tuple(after))
+    if wanted.pump_type is not None:
+        query = query.where(Pump.pump_type == wanted.pump_type)
+    if wanted.state is not None:
+        query = query.where(func.coalesce(_newest(StoredAssessment.state), "insufficient_data") == wanted.state)
+    if wanted.side is not None:
+        query = query.where(func.coalesce(_newest(StoredAssessment.side), "unknown") == wanted.side)
+    if wanted.aircraft is not None:
+        query = query.where(_newest(StoredAssessment.aircraft) == wanted.aircraft)
+    if wanted.priority is not None:
+        query = query.where(func.coalesce(_open_priority(), "none") == wanted.priority)
+    if wanted.silent is not None:
+        is_silent = Pump.id.in_(wanted.silent_ids)
+        query = query.where(is_silent if wanted.silent else ~is_silent)
     return query.order_by(Pump.operator, Pump.serial)
+
+
+def _newest(column: InstrumentedAttribute[Any]) -> ScalarSelect[Any]:
+    """A column of each pump's newest assessment."""
+    last = select(column).where(StoredAssessment.pump_id == Pump.id)
+    last = last.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(1)
+    return last.correlate(Pump).scalar_subquery()
+
+
+def _open_priority() -> ScalarSelect[Any]:
+    """Priority of each pump's newest open alarm, as the ranking has it."""
+    living = select(Alarm.priority).where(
+        Alarm.pump_id == Pump.id,
+        Alarm.withdrawn_at.is_(None),
+        Alarm.closed_at.is_(None),
+        or_(Alarm.condition == "active", Alarm.acknowledged.is_(False)),
+    )
+    return living.order_by(Alarm.raised_at.desc(), Alarm.id.desc()).limit(1).correlate(Pump).scalar_subquery()
 
 
 def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAssessment]:

@@ -236,6 +236,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", "/jobs/{job_id}"): Entry(PAGE, "/jobs/{job}", True),
     ("GET", "/reports/{job_id}"): Entry(PAGE, "/reports/{job}", True),
     ("GET", "/registry"): Entry(PAGE, "/registry"),
+    ("GET", "/mappings"): Entry(PAGE, "/mappings"),
+    ("GET", "/engineer"): Entry(PAGE, "/engineer"),
     # forms: they ask for a session and its token, which tests/service/test_page_forms.py has
     ("POST", "/alarms/{alarm_id}/{action}"): Entry(OPEN, "/alarms/{alarm}/acknowledge"),
     ("POST", "/pumps/{serial}/findings"): Entry(OPEN, "/pumps/{pump}/findings"),
@@ -255,6 +257,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", "/webhooks/{webhook_id}/remove"): Entry(OPEN, "/webhooks/{webhook}/remove"),
     ("POST", "/jobs"): Entry(OPEN, "/jobs"),
     ("POST", "/jobs/{job_id}/cancel"): Entry(OPEN, "/jobs/{job}/cancel"),
+    ("POST", "/mappings"): Entry(OPEN, "/mappings"),
     ("POST", "/registry/pumps"): Entry(OPEN, "/registry/pumps"),
     ("POST", "/registry/pumps/{serial}"): Entry(OPEN, "/registry/pumps/{pump}"),
     ("POST", "/registry/pumps/{serial}/installations"): Entry(OPEN, "/registry/pumps/{pump}/installations"),

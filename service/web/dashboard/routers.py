@@ -5,7 +5,9 @@ from fastapi import APIRouter
 from service.web.dashboard.actions import action_router
 from service.web.dashboard.administration import administration_router
 from service.web.dashboard.alarms import alarm_router
+from service.web.dashboard.engineer import engineer_router
 from service.web.dashboard.jobs import job_router
+from service.web.dashboard.mappings import mapping_router
 from service.web.dashboard.pages import page_router
 from service.web.dashboard.records import record_router
 from service.web.dashboard.registry import registry_router
@@ -20,6 +22,8 @@ for _part in (
     alarm_router,
     threshold_router,
     upload_router,
+    mapping_router,
+    engineer_router,
     job_router,
     registry_router,
     administration_router,
