@@ -9,8 +9,10 @@ from sqlalchemy import ScalarSelect, Select, func, or_, select, tuple_
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from service.access.security import Principal
+from service.answers.pumps import TrendPoint
 from service.answers.records import Window
 from service.answers.verdicts import Estimate, Verdict
+from service.answers.words import instant
 from service.errors import NotFound
 from service.history.verdicts import empty_verdict
 from service.pump_types.parameter_sets import held_type
@@ -243,6 +245,33 @@ def newest_assessments(session: Session, pump_id: int, n: int) -> list[StoredAss
     query = select(StoredAssessment).where(StoredAssessment.pump_id == pump_id)
     newest = query.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(n)
     return list(session.scalars(newest))[::-1]
+
+
+def newest_flows(session: Session, pump_ids: Sequence[int], n: int) -> dict[int, list[TrendPoint]]:
+    """Case flow at the reference condition over each pump's newest ``n`` assessments, in event order."""
+    kept = StoredAssessment
+    estimate = kept.trend["case_flow_at_reference_lpm"]
+    parts = [estimate[part].as_float() for part in ("mean", "low", "high")]
+    # pump by pump from the end of the index: numbering the rows of whole histories grows with their length
+    since = (
+        select(kept.at)
+        .where(kept.pump_id == Pump.id)
+        .order_by(kept.at.desc())
+        .limit(1)
+        .offset(n - 1)
+        .correlate(Pump)
+        .scalar_subquery()
+    )
+    firsts = select(Pump.id, since.label("since")).where(Pump.id.in_(pump_ids)).cte("firsts")
+    firsts = firsts.prefix_with("MATERIALIZED")
+    query = select(kept.pump_id, kept.at, kept.record_id, *parts)
+    query = query.join(firsts, (firsts.c.id == kept.pump_id) & ((kept.at >= firsts.c.since) | firsts.c.since.is_(None)))
+    found: dict[int, list[TrendPoint]] = {}
+    for pump_id, at, record_id, mean, low, high in session.execute(query.order_by(kept.at, kept.record_id)):
+        if mean is not None and low is not None and high is not None:
+            point: TrendPoint = {"at": instant(at), "value": mean, "low": low, "high": high, "record_id": record_id}
+            found.setdefault(pump_id, []).append(point)
+    return found
 
 
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:

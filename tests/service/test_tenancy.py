@@ -186,7 +186,8 @@ def normal(text: str, names: dict[str, str]) -> str:
             text = text.replace(value, f"<{name}>")
     text = re.sub(r"\bcd_[\w-]{20,}|whsec_[\w+/=]+|[0-9a-f]{32}|20\d\d-\d\d-\d\dT[0-9:.]+Z", "*", text)
     text = re.sub(r'name="csrf_token" value="[^"]+"', "", text)
-    # the pages' own way to write instants
+    # the pages' own way to write instants and ids
+    text = re.sub(r"<code>[0-9a-f]{8}</code>", "*", text)
     text = re.sub(r"\d\d \w{3} 20\d\d(?: \d\d:\d\d)?|20\d\d-\d\d-\d\dT\d\d:\d\d", "*", text)
     # versions of thresholds are numbered by one counter for the whole service
-    return re.sub(r'"(version|effective_version|threshold_version)": \d+|version \d+', "version", text)
+    return re.sub(r'"(version|effective_version|threshold_version)": \d+|version:? \d+', "version", text)

@@ -101,7 +101,7 @@ def cancel(job_id: str, form: SentForm) -> Response:
 def report_page(request: Request, job_id: str, context: ContextOf, asker: Asker) -> Response:
     """The document that a job has left, to print; until then how far it is."""
     job = jobs.one(job_id, context, asker)
-    if job["status"] == "succeeded" and "html" in ((job["result"] or {}).get("files") or {}):
+    if job["result"] is not None and "html" in job["result"].get("files", {}):
         return jobs.result(job_id, context, asker, "html")
     values = {"request": request, "job": job, "is_living": job["status"] in ("queued", "running")}
     return html_page("report.html", 200, values)

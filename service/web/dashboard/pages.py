@@ -1,11 +1,11 @@
-"""The pages: fleet, pump."""
+"""The page of one pump: verdict, evidence, curve, trends, and what is entered about it."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Any, get_args
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
-from markupsafe import Markup, escape
+from markupsafe import Markup
 from sqlalchemy.orm import Session
 
 from detectors.curve.picture import curve_svg
@@ -17,27 +17,24 @@ from service.context import Context
 from service.errors import NotFound
 from service.history.knowledge import entries
 from service.reading import queries
-from service.reading.agreement import judged_findings, rates
 from service.reading.curve import curve_of
-from service.reading.fleet import fleet, pump_documents
+from service.reading.fleet import pump_documents
 from service.reading.forecast import forecast_of, with_crossing
-from service.reading.trend import points_of, trend_of
+from service.reading.trend import trend_of
 from service.registry import findings, maintenance
-from service.reports.charts import sparkline_svg, trend_svg
+from service.reports.charts import trend_svg
 from service.reports.remarks import remarks
 from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, WORDS
 from service.storage.tables import Finding, MaintenanceEvent, Pump
 from service.thresholds.layers import thresholds_of
 from service.web.dashboard.frame import PageRoute, html_page, local
-from service.web.dashboard.links import address, api_address, pump_address
+from service.web.dashboard.links import address, api_address
 from service.web.dependencies import context_of, principal
 from twin.pumps.fluids import FLUIDS
 
 page_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 _MOST_ALARMS = 20
-_SPARK_RECORDS = 60
-_PUMPS_PER_PAGE = 100
 _TRENDS = (
     "case_flow_at_reference_lpm",
     "pump_leakage_change_lpm",
@@ -49,58 +46,10 @@ _TRENDS = (
 _Body = tuple[str, int, dict[str, Any]]
 
 
-@page_router.get("/", response_class=HTMLResponse)
-def fleet_page(request: Request, page: int = 1) -> Response:
-    """Who needs attention, why, since when; a hundred pumps a page, the most urgent first."""
-    return html_page(*_fleet_body(request, context_of(request), page))
-
-
 @page_router.get("/pumps/{serial}", response_class=HTMLResponse)
 def pump_page(request: Request, serial: str, operator: str | None = None) -> Response:
     """One pump: verdict, evidence, curve, trends."""
     return html_page(*_pump_body(request, context_of(request), serial, operator))
-
-
-def _fleet_body(request: Request, context: Context, page: int) -> _Body:
-    asker = principal(request)
-    with context.database.reading() as session:
-        everyone: list[dict[str, Any]] = [dict(pump) for pump in fleet(session, asker)]
-    last = max(1, -(-len(everyone) // _PUMPS_PER_PAGE))
-    page = min(max(page, 1), last)
-    pumps = everyone[(page - 1) * _PUMPS_PER_PAGE : page * _PUMPS_PER_PAGE]
-    silent = [p for p in everyone if p["silent"]]
-    silent_shown = silent[:_PUMPS_PER_PAGE]
-    for document in (*pumps, *silent_shown):
-        document["link"] = pump_address(document["serial"], document["operator"])
-    with context.database.reading() as session:
-        for document in pumps:
-            row = queries.pump(session, asker, document["serial"], document["operator"])
-            newest = queries.newest_assessments(session, row.id, _SPARK_RECORDS)
-            items = points_of(newest, "case_flow_at_reference_lpm", None, None)
-            flow = items[-1] if items else None
-            label = f"case flow at the reference condition of {row.serial} over its last {len(items)} records"
-            document["flow"] = flow
-            values = [i["value"] for i in items]
-            document["spark"] = Markup(sparkline_svg(values, escape(label))) if items else ""  # noqa: S704
-        agreement = rates(judged_findings(session, asker))
-    states = [p["state"] for p in everyone]
-    counts = [(state, states.count(state)) for state in WORDS if state in states]
-    return (
-        "fleet.html",
-        200,
-        {
-            "request": request,
-            "pumps": pumps,
-            "counts": counts,
-            "silent": silent_shown,
-            "n_silent": len(silent),
-            "agreement": agreement,
-            "page": page,
-            "last_page": last,
-            "first_pump": (page - 1) * _PUMPS_PER_PAGE + 1,
-            "n_pumps": len(everyone),
-        },
-    )
 
 
 def _pump_body(request: Request, context: Context, serial: str, operator: str | None) -> _Body:

@@ -6,6 +6,7 @@ from service.web.dashboard.actions import action_router
 from service.web.dashboard.administration import administration_router
 from service.web.dashboard.alarms import alarm_router
 from service.web.dashboard.engineer import engineer_router
+from service.web.dashboard.fleet import fleet_router
 from service.web.dashboard.jobs import job_router
 from service.web.dashboard.mappings import mapping_router
 from service.web.dashboard.pages import page_router
@@ -17,6 +18,7 @@ from service.web.dashboard.upload import upload_router
 
 dashboard_router = APIRouter()
 for _part in (
+    fleet_router,
     page_router,
     record_router,
     alarm_router,

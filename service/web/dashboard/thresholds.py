@@ -65,7 +65,7 @@ def preview(form: SentForm) -> Response:
         return _again(form, layer, _Shown(problem=problem))
     if "progress" in found:
         return done(address("jobs", found["id"]))
-    return _again(form, layer, _Shown(preview=found))  # type: ignore[arg-type]
+    return _again(form, layer, _Shown(preview=found))
 
 
 @threshold_router.post("/thresholds")
