@@ -18,7 +18,7 @@ from service.demo.run import served
 from service.settings import Settings
 from tests.service.records import body
 
-pytestmark = pytest.mark.pages
+pytestmark = [pytest.mark.pages, pytest.mark.timeout(1800)]
 ARGUMENTS = (
     "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-component-update",
     "--disable-sync", "--disable-quic",
@@ -31,7 +31,7 @@ SCREENS = {
 }
 SHOWN = ("light", "dark", "phone")
 """Screens of which pictures are kept."""
-FLIGHTS = 24
+FLIGHTS = 20
 PAGES = {
     "fleet": "/",
     "pump": "/pumps/{worn}",
@@ -64,7 +64,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     settings = Settings(database_url="", data_dir=tmp_path_factory.mktemp("pages"), auth="off")
     with served(settings, "127.0.0.1", port) as found:
         with Client(found) as client:
-            for pump in PUMPS[:4]:
+            for pump in PUMPS[:2]:
                 for record in pump_records(pump, FLIGHTS, seed=1):
                     client.upload(record.content)
         yield found
