@@ -10,6 +10,8 @@ from fastapi.testclient import TestClient
 from service.web.dashboard.links import address, local_address
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
+from tests.service.matrix import API, MATRIX, OPEN, filled, seeded
+from tests.service.test_page_forms import come_in
 from tests.service.test_sign_in import PASSWORD, csrf, make
 
 BROWSER = {"accept": "text/html,application/xhtml+xml"}
@@ -85,3 +87,40 @@ def test_a_page_refuses_parameters_that_it_does_not_know(client: TestClient) -> 
     page = client.get("/?page=one")
     assert page.status_code == 422
     assert "<strong>page</strong>" in page.text
+
+
+FORMS = [
+    route for route, entry in MATRIX.items() if entry.role == OPEN and route[0] == "POST" and "sign" not in route[1]
+]
+
+
+def test_every_form_needs_a_session_and_its_token(
+    database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("service.notifications.guard._resolved", lambda *_: ["93.184.215.14"])
+    monkeypatch.setattr("service.jobs.engine.start", lambda _: None)
+    with guarded_client(database_url, tmp_path) as client:
+        names = seeded(client, "north", "NORTH-1")
+        urls = [filled(MATRIX[route].url, names) for route in FORMS]
+        assert len(urls) > 25
+        for url in urls:
+            answer = client.post(url, data={"csrf_token": ""}, follow_redirects=False)
+            assert (answer.status_code, answer.headers["location"]) == (303, "/sign-in"), url
+        admin = key(client, "admin", "north")
+        log = f"{API}/audit?limit=500"
+        come_in(client, "ada", "admin", "north")
+        before = client.get(log, headers=admin).json()["items"]
+        for url in urls:
+            for token in ("", "guess"):
+                page = client.post(url, data={"csrf_token": token, "reason": "x"})
+                assert page.status_code == 403, url
+                assert "does not belong to this session" in page.text
+        assert client.get(log, headers=admin).json()["items"] == before
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+def test_without_sessions_every_form_must_come_from_these_pages(client: TestClient) -> None:
+    for route in FORMS:
+        url = re.sub(r"\{\w+\}", "x", route[1])
+        for headers in ({}, {"origin": "https://evil.example"}, {"origin": "null"}):
+            assert client.post(url, data={"reason": "x"}, headers=headers).status_code == 403, url
