@@ -154,8 +154,8 @@ def test_an_alarm_is_acknowledged_shelved_and_closed(page: Any, names: dict[str,
     for action, words in (("shelve", "shelved until"), ("close", "closed")):
         page.goto(f"/alarms?every=true&pump={names['worn']}")
         page.locator("tbody input[type=checkbox]").first.check()
-        page.get_by_label("Do", exact=True).select_option(action)
-        page.get_by_label("Note").fill("spare arrives on Friday")
+        page.locator("[name=action]").select_option(action)
+        page.locator("form[action='/alarms'][method=post] [name=reason]").fill("spare arrives on Friday")
         page.get_by_role("button", name="Do it").click()
         page.goto(f"/alarms?every=true&pump={names['worn']}")
         assert words in page.inner_text("tbody")

@@ -16,7 +16,7 @@ from service import __version__
 from service.access.security import EVERYBODY, Principal
 from service.access.sessions import Visitor
 from service.answers.problems import Problem as Told
-from service.errors import Unauthenticated
+from service.errors import NotFound, Unauthenticated
 from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 from service.web.answer_route import AnswerRoute
 from service.web.dashboard.links import address, api_address, pump_address
@@ -130,6 +130,11 @@ def problem_page(request: Request, told: Told, headers: Mapping[str, str]) -> Re
         visitor = visitor_of(request) if on else None
     except Exception:  # the problem may be the database's own: it is told all the same
         visitor = None
+    if status == int(NotFound.status) and told["detail"] == told["title"]:
+        told = {
+            **told,
+            "detail": "there is no page at this address: follow a link from above, or look for typing mistakes",
+        }
     values = {"request": request, "problem": told, "back": getattr(request.state, "back", None)}
     page = _rendered("problem.html", status, values, visitor, None if on else EVERYBODY)
     page.headers.update({name: value for name, value in headers.items() if name.lower() != "content-length"})
