@@ -5,6 +5,7 @@ SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 PYTEST_ARGS ?=
+IMAGES ?=
 
 .PHONY: help demo test test-fast study lint format types imports migrations hooks containers pages serve mutants clean tools
 
