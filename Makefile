@@ -5,8 +5,9 @@ SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 PYTEST_ARGS ?=
+IMAGES ?=
 
-.PHONY: help demo test test-fast study lint format types imports migrations hooks containers serve mutants clean tools
+.PHONY: help demo test test-fast study lint format types imports migrations hooks containers pages serve mutants clean tools
 
 help: ## show what there is
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -33,7 +34,7 @@ demo: $(VENV)/.installed ## simulate a small fleet, upload it, show verdicts, ke
 
 test: $(VENV)/.installed ## run every test but studies and the containerised one
 	@"$(BIN)/python" -m detectors.warm_up
-	@"$(BIN)/python" -m pytest -n 3 --dist worksteal -m "not containers and not study" $(PYTEST_ARGS)
+	@"$(BIN)/python" -m pytest -n 3 --dist worksteal -m "not containers and not study and not pages" $(PYTEST_ARGS)
 
 test-fast: $(VENV)/.installed ## run a selection that enters every room, on SQLite, in a minute
 	@"$(BIN)/python" -m detectors.warm_up
@@ -65,6 +66,15 @@ hooks: $(VENV)/.installed ## check what CI checks before every commit (installs 
 
 containers: $(VENV)/.installed ## build and run the image and the compose file on a real engine (root, Debian)
 	@"$(BIN)/python" -m pytest -p no:xdist -m containers tests/containers $(PYTEST_ARGS)
+
+$(VENV)/.pages: pyproject.toml $(VENV)/.installed
+	@"$(BIN)/python" -m pip install --quiet --disable-pip-version-check --editable '.[pages]'
+	@touch "$@"
+
+pages: $(VENV)/.pages ## look at every page in Chromium: tasks, accessibility, widths (IMAGES=folder keeps pictures)
+	@command -v chromium chromium-browser google-chrome >/dev/null || { echo "make pages needs Chromium: install the package chromium" >&2; exit 1; }
+	@"$(BIN)/python" -m detectors.warm_up
+	@CASEDRAIN_IMAGES="$(IMAGES)" "$(BIN)/python" -m pytest -p no:xdist -m pages tests/pages $(PYTEST_ARGS)
 
 mutants: $(VENV)/.installed ## change a line at a time and see whether tests notice (half an hour)
 	@"$(BIN)/python" -m benchmarks.mutants $(MUTANTS_ARGS)

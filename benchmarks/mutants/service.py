@@ -1,4 +1,4 @@
-"""Changes of what the service decides: layers of thresholds, access and tenancy, alarms."""
+"""Changes of what the service decides: layers of thresholds, access and tenancy, alarms, pages."""
 
 from benchmarks.mutants.catalogue import Mutant
 
@@ -10,6 +10,12 @@ _TENANCY, _SIGN_IN, _PLACES = (
     ("tests.service.test_registry_placement",),
 )
 _UNITS, _LANGUAGE = ("tests.service.test_units",), ("tests.service.test_mapping_language",)
+_PAGES, _FORMS, _FLEET_PAGE, _CHANNELS = (
+    ("tests.service.test_pages",),
+    ("tests.service.test_alarm_pages",),
+    ("tests.service.test_fleet_page",),
+    ("tests.service.test_record_pages",),
+)
 _LIFE_CYCLE, _LAYERS_OF = "service.alarms.life_cycle", "service.thresholds.layers"
 
 
@@ -52,7 +58,7 @@ MUTANTS: tuple[Mutant, ...] = (
         'Scope("operator", operator),\n        Scope("pump-type", pump_type),',
     ),
     _layers("ThresholdVersion.number <= up_to", "ThresholdVersion.number < up_to"),
-    _layers("version = max(version, row.number)", "version = row.number"),
+    _layers("version = max(version, number)", "version = number"),
     _layers('Scope("pump", serial, operator),', 'Scope("pump", serial),'),
     _layers("number = newest_number(session) + 1", "number = (current.number if current else 0) + 1"),
     _layers(
@@ -127,4 +133,13 @@ MUTANTS: tuple[Mutant, ...] = (
     _ledger('before["closed_at"] is None and after["closed_at"] is not None', "False"),
     _ledger('"active" if alarm.cleared_at is None else "cleared"', '"active"'),
     _ledger("if row.id not in held and row.withdrawn_at is None:", "if False:"),
+    Mutant("pages", "service.reading.channels", "low[first:last].argmin()", "low[first:last].argmax()", _CHANNELS),
+    Mutant("pages", "service.reading.channels", "gaps[k] = float(", "borders[k] = float(", _CHANNELS),
+    Mutant(
+        "pages", "service.thresholds.layers", "if pump.id in held:", "if False:", _FLEET_PAGE, "one_by_one and sqlite"
+    ),
+    Mutant("pages", "service.web.dashboard.forms", "visitor.check_form(token", "str(token", _FORMS, "many and sqlite"),
+    Mutant(
+        "pages", "service.web.dashboard.links", 'is_ours = wanted.startswith("/")', "is_ours = True", _PAGES, "sign"
+    ),
 )

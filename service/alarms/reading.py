@@ -1,6 +1,7 @@
 """Alarms as the API shows them, and the questions that lists ask."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Literal
 
@@ -11,7 +12,7 @@ from service.access.security import Principal
 from service.answers import alarms as answers
 from service.answers.words import instant
 from service.errors import NotFound
-from service.storage.tables import Alarm, Pump
+from service.storage.tables import Alarm, Pump, StoredAssessment
 
 Filter = Literal[
     "active_unacknowledged",
@@ -73,24 +74,42 @@ def shown(row: Alarm, serial: str, pump_type: str, now: datetime | None = None) 
     }
 
 
-def alarms(
-    principal: Principal,
-    *,
-    state: Filter | None = None,
-    serial: str | None = None,
-    operator: str | None = None,
-    after: Sequence[Any] | None = None,
-) -> Select[Alarm, str, str]:
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a list of alarms is narrowed to; None takes all."""
+
+    state: Filter | None = None
+    serial: str | None = None
+    operator: str | None = None
+    aircraft: str | None = None
+    pump_type: str | None = None
+    priority: str | None = None
+    side: str | None = None
+    verdict_state: str | None = None
+
+
+_ALL = Wanted()
+
+
+def alarms(principal: Principal, wanted: Wanted = _ALL, after: Sequence[Any] | None = None) -> Select[Alarm, str, str]:
     """Alarms that this principal may see with serial and type of their pump, newest first."""
     query = select(Alarm, Pump.serial, Pump.pump_type).join(Pump, Pump.id == Alarm.pump_id)
     if principal.operator is not None:
         query = query.where(Alarm.operator == principal.operator)
-    if operator is not None:
-        query = query.where(Alarm.operator == operator)
-    if serial is not None:
-        query = query.where(Pump.serial == serial)
-    if state is not None:
-        query = query.where(_is_in(state))
+    equal = {
+        Alarm.operator: wanted.operator,
+        Pump.serial: wanted.serial,
+        Pump.pump_type: wanted.pump_type,
+        Alarm.priority: wanted.priority,
+        Alarm.side: wanted.side,
+        Alarm.verdict_state: wanted.verdict_state,
+    }
+    query = query.where(*(column == value for column, value in equal.items() if value is not None))
+    if wanted.aircraft is not None:
+        there = select(StoredAssessment.record_id).where(StoredAssessment.aircraft == wanted.aircraft)
+        query = query.where(Alarm.record_id.in_(there))
+    if wanted.state is not None:
+        query = query.where(_is_in(wanted.state))
     if after is not None:
         query = query.where(tuple_(Alarm.raised_at, Alarm.id) < (datetime.fromisoformat(after[0]), after[1]))
     return query.order_by(Alarm.raised_at.desc(), Alarm.id.desc())

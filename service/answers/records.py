@@ -6,7 +6,7 @@ from typing_extensions import TypedDict
 
 from service.answers.problems import Problem
 from service.answers.verdicts import Verdict
-from service.answers.words import Instant, shape
+from service.answers.words import Instant, State, shape
 
 
 @shape
@@ -75,6 +75,76 @@ class StoredReduction(TypedDict, total=False):
 
 
 @shape
+class ChannelSamples(TypedDict):
+    """One channel over a stretch of a record."""
+
+    channel: str
+    """Name of the channel."""
+    unit: str
+    """Unit of `value`; `-` for a number without one."""
+    missing: int
+    """Number of samples of the stretch that are missing (a count)."""
+    time_s: list[float]
+    """Times from the record's start, rising [s]."""
+    value: list[float | None]
+    """Sample at each time, in `unit`; null where samples are missing, so that a line breaks there."""
+
+
+@shape
+class TwinValue(TypedDict):
+    """The healthy twin's value over one window."""
+
+    channel: str
+    """Channel that it stands beside."""
+    start_s: float
+    """Start of the window [s]."""
+    end_s: float
+    """End of the window [s]."""
+    value: float
+    """The twin's value, gauge [bar]."""
+    as_measured: float
+    """The same with the sensor's zero of this record, so that it lies over the samples, gauge [bar]."""
+
+
+@shape
+class RecordChannels(TypedDict):
+    """Channels of a record over a stretch, with what the analysis saw there."""
+
+    record_id: str
+    """Id of the record."""
+    start_s: float
+    """Time of the first sample of the stretch [s]."""
+    end_s: float
+    """Time of its last sample [s]."""
+    samples: int
+    """Number of samples of the stretch (a count)."""
+    thinned: bool
+    """Whether each channel is shown by the lowest and the highest sample of bins of equal time."""
+    channels: list[ChannelSamples]
+    """Every channel of the file."""
+    windows: list[Window]
+    """Windows that overlap the stretch, in time order, the rejected ones with their reason."""
+    twin: list[TwinValue]
+    """The twin's values of the windows that were compared."""
+
+
+@shape
+class Refusal(TypedDict):
+    """An upload that was refused at once; nothing of it was kept."""
+
+    id: str
+    """Id of the refusal."""
+    operator: str
+    """Operator that it was sent for."""
+    received_at: Instant
+    """When it was sent."""
+    content_hash: str
+    """SHA-256 of its bytes."""
+    problem: Problem
+    """Why it was refused, with every fault."""
+
+
+@shape
 class Withdrawal(TypedDict):
     """Why a record was withdrawn."""
 
@@ -108,6 +178,12 @@ class RecordSummary(TypedDict):
     """Instant of `time_s` = 0."""
     received_at: Instant
     """When it was uploaded."""
+    state: State | None
+    """State of the verdict right after it; null where it does not count."""
+    explanation: str | None
+    """Why it adds nothing; null where it adds something, or is not analysed."""
+    problem: Problem | None
+    """Why it was refused, with every fault; null where it was not."""
 
 
 @shape

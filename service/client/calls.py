@@ -14,7 +14,7 @@ from service.answers.jobs import Job, JobItem, JobWithItems
 from service.answers.mappings import Mapping as ChannelMapping
 from service.answers.mappings import MappingSuggestion
 from service.answers.pumps import DamageIdentificationCurve, Forecast, Pump, PumpWithPlace, RankedPump, Trend
-from service.answers.records import Record, RecordSummary, Window
+from service.answers.records import Record, RecordChannels, RecordSummary, Window
 from service.answers.registry import Aircraft, PumpType, PumpTypeSummary
 from service.answers.thresholds import ThresholdKey, Thresholds
 from service.answers.twin import Isolability, OperatingPoints, Simulation
@@ -92,6 +92,11 @@ def windows(record_id: str) -> PagedCall[Window]:
 def withdraw(record_id: str, reason: str) -> Call[Record]:
     """Withdraw a record."""
     return Call("DELETE", f"/records/{_name(record_id)}", {"params": {"reason": reason}})
+
+
+def channels(record_id: str, from_: float | None, to: float | None, points: int | None) -> Call[RecordChannels]:
+    """Channels of one record over time."""
+    return _get(f"/records/{_name(record_id)}/channels", from_=from_, to=to, points=points)
 
 
 def records(**filters: object) -> PagedCall[RecordSummary]:

@@ -16,7 +16,7 @@ from service.answers.jobs import Job, JobItem, JobWithItems
 from service.answers.mappings import Mapping as ChannelMapping
 from service.answers.mappings import MappingSuggestion
 from service.answers.pumps import DamageIdentificationCurve, Forecast, Pump, PumpWithPlace, RankedPump, Trend
-from service.answers.records import Record, RecordSummary, Window
+from service.answers.records import Record, RecordChannels, RecordSummary, Window
 from service.answers.registry import Aircraft, PumpType, PumpTypeSummary
 from service.answers.thresholds import ThresholdKey, Thresholds
 from service.answers.twin import Isolability, OperatingPoints, Simulation
@@ -105,6 +105,12 @@ class Client:
     def records(self, **filters: Value) -> Iterator[RecordSummary]:
         """Records, the newest first; filters are those of ``GET /records``, ``from_`` for ``from``."""
         return self.items(calls.records(**filters))
+
+    def channels(
+        self, record_id: str, from_s: float | None = None, to_s: float | None = None, points: int | None = None
+    ) -> RecordChannels:
+        """Channels of one record over time, thinned without losing extremes."""
+        return self.answer(calls.channels(record_id, from_s, to_s, points))
 
     def windows(self, record_id: str) -> Iterator[Window]:
         """Windows of one record in time order."""

@@ -135,7 +135,10 @@ class MemoryService:
         names = RecordSummary.__annotations__
         pump = request.url.params.get("pump")
         newest_first = list(self._records.values())[::-1]
-        shown = [{name: record.get(name) for name in names} for record in newest_first]
+        shown = [
+            {**{name: record.get(name) for name in names}, "state": record["verdict"]["state"]}
+            for record in newest_first
+        ]
         return cast("list[RecordSummary]", [r for r in shown if pump in (None, r["pump_serial"])])
 
     def _serials(self) -> list[str]:

@@ -6,11 +6,15 @@ from sqlalchemy.orm import Session
 
 from service.access.security import Principal
 from service.answers import pumps as answers
+from service.answers.verdicts import Verdict
 from service.answers.words import instant
+from service.history.verdicts import empty_verdict
+from service.pump_types.parameter_sets import held_type
 from service.reading import queries
 from service.reading.ranking import by_state
 from service.reading.silence import Silence, silent_pumps
 from service.storage.tables import Pump, StoredAssessment, case_pressure_beyond
+from service.thresholds.layers import thresholds_of_many
 
 
 def pump_documents(session: Session, rows: list[Pump]) -> list[answers.Pump]:
@@ -19,23 +23,38 @@ def pump_documents(session: Session, rows: list[Pump]) -> list[answers.Pump]:
     newest, counts = queries.last_assessments(session, ids), queries.n_records(session, ids)
     silent = silent_pumps(session, ids, datetime.now(UTC))
     flights = queries.flights_of(session, [assessment.record_id for assessment in newest.values()])
+    empty = _empty_verdicts(session, [row for row in rows if row.id not in newest])
     found = []
     for row in rows:
         last = newest.get(row.id)
         flight = flights.get(last.record_id) if last is not None else None
-        found.append(_pump(session, row, last, flight, counts.get(row.id, 0), silent.get(row.id)))
+        verdict = empty[row.id] if last is None else last.verdict
+        found.append(_pump(row, last, verdict, flight, counts.get(row.id, 0), silent.get(row.id)))
+    return found
+
+
+def _empty_verdicts(session: Session, rows: list[Pump]) -> dict[int, Verdict]:
+    """Verdicts of pumps without records, by the pump's number; alike for pumps of a type with the same thresholds."""
+    found: dict[int, Verdict] = {}
+    known: dict[tuple[str, str, int, float], Verdict] = {}
+    thresholds = thresholds_of_many(session, rows) if rows else {}
+    for row in rows:
+        holds = thresholds[row.id]
+        place = (row.operator, row.pump_type, holds.version, holds.values["baseline_records"])
+        if place not in known:
+            known[place] = empty_verdict(held_type(session, row.operator, row.pump_type), holds)
+        found[row.id] = known[place]
     return found
 
 
 def _pump(
-    session: Session,
     row: Pump,
     newest: StoredAssessment | None,
+    verdict: Verdict,
     last: queries.Flight | None,
     n_records: int,
     silence: Silence | None,
 ) -> answers.Pump:
-    verdict = queries.verdict(session, row) if newest is None else newest.verdict
     return {
         "serial": row.serial,
         "operator": row.operator,

@@ -5,15 +5,28 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, TypeVar
 
-from sqlalchemy import Select, func, select, tuple_
-from sqlalchemy.orm import Session
+from sqlalchemy import ScalarSelect, Select, func, or_, select, tuple_
+from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from service.access.security import Principal
+from service.answers.pumps import TrendPoint
+from service.answers.records import Window
 from service.answers.verdicts import Estimate, Verdict
+from service.answers.words import instant
 from service.errors import NotFound
 from service.history.verdicts import empty_verdict
 from service.pump_types.parameter_sets import held_type
-from service.storage.tables import Aircraft, ApiKey, Pump, Record, StoredAssessment, VerdictRevision, Webhook
+from service.storage.tables import (
+    Aircraft,
+    Alarm,
+    ApiKey,
+    Pump,
+    Record,
+    Refusal,
+    StoredAssessment,
+    VerdictRevision,
+    Webhook,
+)
 from service.thresholds.layers import thresholds_of
 
 
@@ -93,9 +106,10 @@ def records(
     until: datetime | None = None,
     status: str | None = None,
     after: Sequence[Any] | None = None,
-) -> Select[Record, str | None]:
-    """Records with their pump's serial, newest received first."""
-    query = select(Record, Pump.serial).outerjoin(Pump, Record.pump_id == Pump.id)
+) -> Select[Record, str | None, str | None]:
+    """Records with their pump's serial and the state right after them, newest received first."""
+    query = select(Record, Pump.serial, StoredAssessment.state).outerjoin(Pump, Record.pump_id == Pump.id)
+    query = query.outerjoin(StoredAssessment, StoredAssessment.record_id == Record.id)
     if principal.operator is not None:
         query = query.where(Record.operator == principal.operator)
     if serial is not None:
@@ -112,14 +126,78 @@ def records(
     return query.order_by(Record.received_at.desc(), Record.id.desc())
 
 
-def pumps(principal: Principal, after: Sequence[Any] | None = None) -> Select[Pump]:
-    """Pumps by operator and serial."""
+def windows_of(row: Record) -> list[Window]:
+    """Windows of a record in time order, each with its residuals; empty where it is not analysed."""
+    residuals = row.residuals or {}
+    found = (row.reduction or {}).get("windows", [])
+    return [{**window, "residuals": residuals.get(str(i), {})} for i, window in enumerate(found)]
+
+
+def refusals(principal: Principal, after: Sequence[Any] | None = None) -> Select[Refusal]:
+    """Uploads that were refused at once, the newest first."""
+    query = select(Refusal)
+    if principal.operator is not None:
+        query = query.where(Refusal.operator == principal.operator)
+    if after is not None:
+        query = query.where(tuple_(Refusal.received_at, Refusal.id) < (datetime.fromisoformat(after[0]), after[1]))
+    return query.order_by(Refusal.received_at.desc(), Refusal.id.desc())
+
+
+@dataclass(frozen=True, slots=True)
+class WantedPumps:
+    """What a list of pumps is narrowed to; None takes all. ``silent_ids`` are those that are silent."""
+
+    state: str | None = None
+    side: str | None = None
+    aircraft: str | None = None
+    pump_type: str | None = None
+    priority: str | None = None
+    silent: bool | None = None
+    silent_ids: frozenset[int] = frozenset()
+
+
+_ALL_PUMPS = WantedPumps()
+
+
+def pumps(principal: Principal, after: Sequence[Any] | None = None, wanted: WantedPumps = _ALL_PUMPS) -> Select[Pump]:
+    """Pumps by operator and serial; narrowed by their newest verdict, where they were last, and their open alarm."""
     query = select(Pump)
     if principal.operator is not None:
         query = query.where(Pump.operator == principal.operator)
     if after is not None:
         query = query.where(tuple_(Pump.operator, Pump.serial) > tuple(after))
+    if wanted.pump_type is not None:
+        query = query.where(Pump.pump_type == wanted.pump_type)
+    if wanted.state is not None:
+        query = query.where(func.coalesce(_newest(StoredAssessment.state), "insufficient_data") == wanted.state)
+    if wanted.side is not None:
+        query = query.where(func.coalesce(_newest(StoredAssessment.side), "unknown") == wanted.side)
+    if wanted.aircraft is not None:
+        query = query.where(_newest(StoredAssessment.aircraft) == wanted.aircraft)
+    if wanted.priority is not None:
+        query = query.where(func.coalesce(_open_priority(), "none") == wanted.priority)
+    if wanted.silent is not None:
+        is_silent = Pump.id.in_(wanted.silent_ids)
+        query = query.where(is_silent if wanted.silent else ~is_silent)
     return query.order_by(Pump.operator, Pump.serial)
+
+
+def _newest(column: InstrumentedAttribute[Any]) -> ScalarSelect[Any]:
+    """A column of each pump's newest assessment."""
+    last = select(column).where(StoredAssessment.pump_id == Pump.id)
+    last = last.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(1)
+    return last.correlate(Pump).scalar_subquery()
+
+
+def _open_priority() -> ScalarSelect[Any]:
+    """Priority of each pump's newest open alarm, as the ranking has it."""
+    living = select(Alarm.priority).where(
+        Alarm.pump_id == Pump.id,
+        Alarm.withdrawn_at.is_(None),
+        Alarm.closed_at.is_(None),
+        or_(Alarm.condition == "active", Alarm.acknowledged.is_(False)),
+    )
+    return living.order_by(Alarm.raised_at.desc(), Alarm.id.desc()).limit(1).correlate(Pump).scalar_subquery()
 
 
 def assessments(pump_id: int, until: datetime | None = None) -> Select[StoredAssessment]:
@@ -167,6 +245,33 @@ def newest_assessments(session: Session, pump_id: int, n: int) -> list[StoredAss
     query = select(StoredAssessment).where(StoredAssessment.pump_id == pump_id)
     newest = query.order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc()).limit(n)
     return list(session.scalars(newest))[::-1]
+
+
+def newest_flows(session: Session, pump_ids: Sequence[int], n: int) -> dict[int, list[TrendPoint]]:
+    """Case flow at the reference condition over each pump's newest ``n`` assessments, in event order."""
+    kept = StoredAssessment
+    estimate = kept.trend["case_flow_at_reference_lpm"]
+    parts = [estimate[part].as_float() for part in ("mean", "low", "high")]
+    # pump by pump from the end of the index: numbering the rows of whole histories grows with their length
+    since = (
+        select(kept.at)
+        .where(kept.pump_id == Pump.id)
+        .order_by(kept.at.desc())
+        .limit(1)
+        .offset(n - 1)
+        .correlate(Pump)
+        .scalar_subquery()
+    )
+    firsts = select(Pump.id, since.label("since")).where(Pump.id.in_(pump_ids)).cte("firsts")
+    firsts = firsts.prefix_with("MATERIALIZED")
+    query = select(kept.pump_id, kept.at, kept.record_id, *parts)
+    query = query.join(firsts, (firsts.c.id == kept.pump_id) & ((kept.at >= firsts.c.since) | firsts.c.since.is_(None)))
+    found: dict[int, list[TrendPoint]] = {}
+    for pump_id, at, record_id, mean, low, high in session.execute(query.order_by(kept.at, kept.record_id)):
+        if mean is not None and low is not None and high is not None:
+            point: TrendPoint = {"at": instant(at), "value": mean, "low": low, "high": high, "record_id": record_id}
+            found.setdefault(pump_id, []).append(point)
+    return found
 
 
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:

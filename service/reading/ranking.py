@@ -14,7 +14,7 @@ from service.answers import pumps as answers
 from service.answers.verdicts import Verdict
 from service.reading import queries
 from service.storage.tables import Alarm, Pump
-from service.thresholds.layers import thresholds_of
+from service.thresholds.layers import thresholds_of_many
 
 
 def by_state(pump: answers.Pump) -> tuple[Any, ...]:
@@ -29,11 +29,12 @@ def ranked(session: Session, rows: Sequence[Pump], shown: Sequence[answers.Pump]
     """
     alarms = _open_alarms(session, [row.id for row in rows])
     newest = queries.last_assessments(session, [row.id for row in rows])
+    thresholds = thresholds_of_many(session, rows)
     items: list[tuple[tuple[Any, ...], answers.Pump, str, list[str]]] = []
     for row, pump in zip(rows, shown, strict=True):
         alarm = alarms.get(row.id)
         verdict = newest[row.id].verdict if row.id in newest else None
-        limit = thresholds_of(session, row.operator, row.serial, row.pump_type).values["case_flow_limit_lpm"]
+        limit = thresholds[row.id].values["case_flow_limit_lpm"]
         urgency = alarm.priority if alarm is not None else "none"
         reasons = _reasons(pump, verdict, alarm, limit)
         items.append((_place(alarm, pump), pump, urgency, reasons))

@@ -61,7 +61,7 @@ def pump_chapter(session: Session, principal: Principal, row: Pump, period: Peri
     """One pump: verdict now, forecast, trends, changes of verdict, alarms and findings of the period."""
     assessments = list(session.scalars(queries.assessments(row.id)))
     limit = thresholds_of(session, row.operator, row.serial, row.pump_type).values["case_flow_limit_lpm"]
-    alarms = session.execute(reading.alarms(principal, serial=row.serial, operator=row.operator))
+    alarms = session.execute(reading.alarms(principal, reading.Wanted(serial=row.serial, operator=row.operator)))
     trends = {m: thinned(points_of(assessments, m, period.since, period.until), _POINTS) for m in TRENDS}
     return {
         "pump": pump_documents(session, [row])[0],

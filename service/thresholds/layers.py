@@ -13,7 +13,7 @@ from service.access.security import Principal
 from service.errors import Fault, Invalid, NotFound, PreconditionRequired, StaleVersion
 from service.pump_types.parameter_sets import find_type
 from service.storage.tables import Pump, ThresholdVersion
-from service.thresholds.pins import newest_number, pinned_version
+from service.thresholds.pins import held_pumps, newest_number, pinned_version
 from twin.parameters import PumpType
 
 SCOPES: tuple[str, ...] = ("fleet", "pump-type", "operator", "pump")
@@ -91,21 +91,15 @@ def effective_thresholds(
     if up_to is None and pump is not None and (candidate is None or candidate.scope not in scopes):
         layers = [and_(*_is(scope)) for scope in scopes]
         up_to = pinned_version(session, pump.operator, pump.id, layers, known_at)
-    values: dict[str, float] = {}
-    origin = {key.name: "default" for key in KEYS}
-    origin |= dict.fromkeys({} if kind is None else limits_of(kind), LIMITS)
-    version = 0
     newest = _newest_of(session, scopes, known_at, up_to)
+    laid: list[tuple[Scope, Mapping[str, float], int]] = []
     for scope in scopes:
         row = newest.get(scope)
         if candidate is not None and candidate.scope == scope:
-            values |= candidate.values
-            origin |= dict.fromkeys(candidate.values, f"{scope.kind}/{scope.id}")
+            laid.append((scope, candidate.values, 0))
         elif row is not None:
-            values |= row.values
-            origin |= dict.fromkeys(row.values, f"{scope.kind}/{scope.id}")
-            version = max(version, row.number)
-    return Effective(effective(values, kind), origin, version)
+            laid.append((scope, row.values, row.number))
+    return _laid(laid, kind)
 
 
 def put(
@@ -230,10 +224,15 @@ def _newest_of(
 
 def _newest(session: Session) -> dict[Scope, Mapping[str, float]]:
     """The newest values of every layer that has any."""
+    return {scope: row.values for scope, row in _newest_rows(session).items()}
+
+
+def _newest_rows(session: Session) -> dict[Scope, ThresholdVersion]:
+    """The newest version of every layer that has any."""
     table = ThresholdVersion
     numbers = select(func.max(table.number)).group_by(table.scope, table.scope_id, table.operator)
     rows = session.scalars(select(table).where(table.number.in_(numbers)))
-    return {Scope(row.scope, row.scope_id, row.operator): row.values for row in rows}
+    return {Scope(row.scope, row.scope_id, row.operator): row for row in rows}
 
 
 def _combinations(session: Session, layers: Iterable[Scope]) -> Iterator[tuple[Scope, ...]]:
@@ -265,3 +264,38 @@ def thresholds_of(
     """Effective thresholds of one pump, now, as they were known at an instant, or with a candidate for one layer."""
     layers, found = pump_scopes(operator, serial, kind), find_type(session, operator, kind)
     return effective_thresholds(session, layers, known_at, candidate, kind=found)
+
+
+def thresholds_of_many(session: Session, pumps: Sequence[Pump]) -> dict[int, Effective]:
+    """Effective thresholds of many pumps now, by the pump's number: what ``thresholds_of`` gives for each.
+
+    The layers are read once for all of them; pumps that are held at a version are looked at one by one.
+    """
+    newest, kinds = _newest_rows(session), {}
+    held = held_pumps(session)
+    found: dict[int, Effective] = {}
+    for pump in pumps:
+        place = (pump.operator, pump.pump_type)
+        if place not in kinds:
+            kinds[place] = find_type(session, *place)
+        kind = kinds[place]
+        layers = pump_scopes(pump.operator, pump.serial, pump.pump_type)
+        if pump.id in held:
+            found[pump.id] = effective_thresholds(session, layers, kind=kind)
+            continue
+        rows = [(scope, newest[scope]) for scope in layers if scope in newest]
+        found[pump.id] = _laid([(scope, row.values, row.number) for scope, row in rows], kind)
+    return found
+
+
+def _laid(layers: Iterable[tuple[Scope, Mapping[str, float], int]], kind: PumpType | None) -> Effective:
+    """Values of layers with their version's number, widest first, laid over each other and over the defaults."""
+    values: dict[str, float] = {}
+    origin = {key.name: "default" for key in KEYS}
+    origin |= dict.fromkeys({} if kind is None else limits_of(kind), LIMITS)
+    version = 0
+    for scope, own, number in layers:
+        values |= own
+        origin |= dict.fromkeys(own, f"{scope.kind}/{scope.id}")
+        version = max(version, number)
+    return Effective(effective(values, kind), origin, version)

@@ -35,6 +35,11 @@ def pinned_version(
     return pin.number if session.scalar(later.limit(1)) is None else None
 
 
+def held_pumps(session: Session) -> set[int]:
+    """Numbers of pumps that were ever held at a version: whether one still is, ``pinned_version`` says."""
+    return set(session.scalars(select(ThresholdPin.pump_id).where(ThresholdPin.number.is_not(None)).distinct()))
+
+
 def hold(session: Session, pump: Pump, number: int | None, author: str) -> None:
     """Hold a pump at a version of the thresholds; None lets it follow the newest again."""
     query = select(ThresholdPin.number).where(ThresholdPin.pump_id == pump.id).order_by(ThresholdPin.id.desc()).limit(1)

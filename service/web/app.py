@@ -22,9 +22,8 @@ from service.running import opened
 from service.settings import Settings
 from service.web.api_document.document import openapi_document
 from service.web.api_document.page import docs_router
-from service.web.dashboard.actions import action_router
-from service.web.dashboard.pages import STATIC, page_router
-from service.web.dashboard.sign_in import sign_in_router
+from service.web.dashboard.frame import STATIC
+from service.web.dashboard.routers import dashboard_router
 from service.web.edge import Edge
 from service.web.problems import handle_problems
 from service.web.routes import (
@@ -124,9 +123,7 @@ def create_app(settings: Settings) -> FastAPI:
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(operations.router)
-    app.include_router(page_router)
-    app.include_router(action_router)
-    app.include_router(sign_in_router)
+    app.include_router(dashboard_router)
     app.include_router(docs_router)
     app.mount("/static", STATIC, name="static")
     handle_problems(app)

@@ -41,10 +41,12 @@ def principal(request: Request) -> Principal:
 
 
 def visitor_of(request: Request) -> Visitor | None:
-    """Who is signed in to the pages; None without a living session."""
-    context = context_of(request)
-    token = request.cookies.get(session_cookie(is_secure(request)), "")
-    return find_session(context.database, token, context.settings) if token else None
+    """Who is signed in to the pages; None without a living session. Looked up once for a request."""
+    if not hasattr(request.state, "visitor"):
+        context, token = context_of(request), request.cookies.get(session_cookie(is_secure(request)), "")
+        request.state.visitor = find_session(context.database, token, context.settings) if token else None
+    visitor: Visitor | None = request.state.visitor
+    return visitor
 
 
 def is_secure(request: Request) -> bool:

@@ -9,11 +9,13 @@ from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, compile_path
 
 from service.errors import PROBLEM_JSON, Fault, Invalid, Problem, Undecodable, UnknownType
 from service.web.answer_route import unknown_parameters
+from service.web.dashboard.frame import NOTHING_HERE, problem_page, wants_page
 
 _HALVES = re.compile("[\ud800-\udfff]")
 _JSON_TYPE = re.compile(r"application/([\w.-]+\+)?json")
@@ -39,10 +41,17 @@ def _text(body: Any) -> str:
     return _HALVES.sub("\ufffd", json.dumps(body, ensure_ascii=False, separators=(",", ":"), default=str))
 
 
-async def _on_problem(_request: Request, error: Exception) -> Response:
+async def _told(request: Request, problem: Problem) -> Response:
+    """A problem as a page where a browser asks for one, else as a document."""
+    if wants_page(request):
+        return await run_in_threadpool(problem_page, request, json.loads(_text(problem.body())), problem.headers or {})
+    return ProblemResponse(problem)
+
+
+async def _on_problem(request: Request, error: Exception) -> Response:
     if not isinstance(error, Problem):
         raise TypeError("only problems come here")
-    return ProblemResponse(error)
+    return await _told(request, error)
 
 
 async def _on_validation(request: Request, error: Exception) -> Response:
@@ -53,16 +62,18 @@ async def _on_validation(request: Request, error: Exception) -> Response:
     if broken is not None:
         place = f"character {broken['loc'][-1]}"
         words = str(broken.get("ctx", {}).get("error", "is no JSON")).lower()
-        return ProblemResponse(Undecodable(f"the body is no JSON document: {words} ({place})", [Fault("body", words)]))
+        return await _told(
+            request, Undecodable(f"the body is no JSON document: {words} ({place})", [Fault("body", words)])
+        )
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if any(e["loc"] == ("body",) and e["type"] != "missing" for e in found) and not _JSON_TYPE.fullmatch(kind):
         fault = Fault("content-type", f"{kind or 'none'} is not application/json")
-        return ProblemResponse(
-            UnknownType(f"content type {kind or '(none)'} is not understood here: send JSON", [fault])
+        return await _told(
+            request, UnknownType(f"content type {kind or '(none)'} is not understood here: send JSON", [fault])
         )
     faults = [Fault(".".join(str(p) for p in e["loc"]), e["msg"]) for e in found]
     faults += unknown_parameters(request)
-    return ProblemResponse(Invalid(f"the request has {len(faults)} fault(s)", faults))
+    return await _told(request, Invalid(f"the request has {len(faults)} fault(s)", faults))
 
 
 async def _on_http(request: Request, error: Exception) -> Response:
@@ -76,13 +87,13 @@ async def _on_http(request: Request, error: Exception) -> Response:
         detail = f"this address knows {', '.join(methods)}"
     elif error.status_code == HTTPStatus.BAD_REQUEST:
         # the reading of a body stopped: too deep, a number with thousands of digits, bytes that are no text
-        return ProblemResponse(Undecodable("the body is no JSON document", [Fault("body", "cannot be decoded")]))
+        return await _told(request, Undecodable("the body is no JSON document", [Fault("body", "cannot be decoded")]))
     elif error.status_code == HTTPStatus.NOT_FOUND:
-        detail = "there is nothing at this address"
+        detail = NOTHING_HERE
     answer = Problem(detail, headers=headers)
     answer.status = HTTPStatus(error.status_code)
     answer.title = answer.status.phrase
-    return ProblemResponse(answer)
+    return await _told(request, answer)
 
 
 def allowed_methods(routes: Iterable[BaseRoute], path: str) -> list[str]:

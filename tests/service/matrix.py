@@ -20,7 +20,7 @@ from tests.service.records import document as record_document
 API = "/api/v1"
 OPEN = "open"
 PAGE = "page"
-"""Instead of a role: needs no key; a page that a session of any role may see."""
+"""Instead of a role: needs no key, but a session; ``page_role`` says of which role at least."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Entry:
 
     ``role`` is the lowest that may use it. ``named`` says that the request names a thing of one operator, so that
     another operator's key gets 404; else it is answered from the asker's own data. ``refused`` says that no request
-    at all succeeds, whatever the role.
+    at all succeeds, whatever the role. ``page_role`` is the lowest role whose session sees a page.
     """
 
     role: str
@@ -39,6 +39,7 @@ class Entry:
     content: bytes | None = None
     headers: Mapping[str, str] = field(default_factory=dict)
     refused: bool = False
+    page_role: str = "viewer"
 
 
 _SOON = (datetime.now(UTC) + timedelta(days=2)).isoformat()
@@ -80,6 +81,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("DELETE", f"{API}/records/{{record_id}}/marks/{{mark_id}}"): Entry(
         "engineer", f"{API}/records/{{record}}/marks/{{mark}}", True
     ),
+    ("GET", f"{API}/records/refusals"): Entry("viewer", f"{API}/records/refusals"),
+    ("GET", f"{API}/records/{{record_id}}/channels"): Entry("viewer", f"{API}/records/{{record}}/channels", True),
     ("GET", f"{API}/pumps"): Entry("viewer", f"{API}/pumps"),
     ("GET", f"{API}/pumps/{{serial}}"): Entry("viewer", f"{API}/pumps/{{pump}}", True),
     ("GET", f"{API}/pumps/{{serial}}/verdict"): Entry("viewer", f"{API}/pumps/{{pump}}/verdict", True),
@@ -229,10 +232,57 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", f"{API}/twin/simulation"): Entry("viewer", f"{API}/twin/simulation", body=_RUN),
     ("GET", "/"): Entry(PAGE, "/"),
     ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
+    ("GET", "/records"): Entry(PAGE, "/records"),
+    ("GET", "/records/{record_id}"): Entry(PAGE, "/records/{record}", True),
+    ("GET", "/alarms"): Entry(PAGE, "/alarms"),
+    ("GET", "/thresholds"): Entry(PAGE, "/thresholds?scope=operator&id={operator}", True),
+    ("GET", "/upload"): Entry(PAGE, "/upload", page_role="analyst"),
+    ("GET", "/keys"): Entry(PAGE, "/keys", page_role="admin"),
+    ("GET", "/users"): Entry(PAGE, "/users", page_role="admin"),
+    ("GET", "/webhooks"): Entry(PAGE, "/webhooks", page_role="admin"),
+    ("GET", "/audit"): Entry(PAGE, "/audit", page_role="admin"),
+    ("GET", "/jobs"): Entry(PAGE, "/jobs"),
+    ("GET", "/jobs/{job_id}"): Entry(PAGE, "/jobs/{job}", True),
+    ("GET", "/reports/{job_id}"): Entry(PAGE, "/reports/{job}", True),
+    ("GET", "/registry"): Entry(PAGE, "/registry"),
+    ("GET", "/mappings"): Entry(PAGE, "/mappings"),
+    ("GET", "/engineer"): Entry(PAGE, "/engineer"),
     # forms: they ask for a session and its token, which tests/service/test_page_forms.py has
     ("POST", "/alarms/{alarm_id}/{action}"): Entry(OPEN, "/alarms/{alarm}/acknowledge"),
     ("POST", "/pumps/{serial}/findings"): Entry(OPEN, "/pumps/{pump}/findings"),
     ("POST", "/pumps/{serial}/maintenance"): Entry(OPEN, "/pumps/{pump}/maintenance"),
+    ("POST", "/alarms"): Entry(OPEN, "/alarms"),
+    ("POST", "/thresholds"): Entry(OPEN, "/thresholds"),
+    ("POST", "/thresholds/preview"): Entry(OPEN, "/thresholds/preview"),
+    ("POST", "/thresholds/restore"): Entry(OPEN, "/thresholds/restore"),
+    ("POST", "/upload"): Entry(OPEN, "/upload"),
+    ("POST", "/upload/preview"): Entry(OPEN, "/upload/preview"),
+    ("POST", "/keys"): Entry(OPEN, "/keys"),
+    ("POST", "/keys/{key_id}/revoke"): Entry(OPEN, "/keys/{key}/revoke"),
+    ("POST", "/users"): Entry(OPEN, "/users"),
+    ("POST", "/users/{name}"): Entry(OPEN, "/users/{user}"),
+    ("POST", "/users/{name}/sign-out"): Entry(OPEN, "/users/{user}/sign-out"),
+    ("POST", "/webhooks"): Entry(OPEN, "/webhooks"),
+    ("POST", "/webhooks/{webhook_id}/remove"): Entry(OPEN, "/webhooks/{webhook}/remove"),
+    ("POST", "/jobs"): Entry(OPEN, "/jobs"),
+    ("POST", "/jobs/{job_id}/cancel"): Entry(OPEN, "/jobs/{job}/cancel"),
+    ("POST", "/mappings"): Entry(OPEN, "/mappings"),
+    ("POST", "/registry/pumps"): Entry(OPEN, "/registry/pumps"),
+    ("POST", "/registry/pumps/{serial}"): Entry(OPEN, "/registry/pumps/{pump}"),
+    ("POST", "/registry/pumps/{serial}/installations"): Entry(OPEN, "/registry/pumps/{pump}/installations"),
+    ("POST", "/registry/pumps/{serial}/installations/{entry_id}"): Entry(
+        OPEN, "/registry/pumps/{pump}/installations/{installation}"
+    ),
+    ("POST", "/registry/pumps/{serial}/maintenance/{entry_id}/withdraw"): Entry(
+        OPEN, "/registry/pumps/{pump}/maintenance/{maintenance}/withdraw"
+    ),
+    ("POST", "/registry/pumps/{serial}/findings/{entry_id}/withdraw"): Entry(
+        OPEN, "/registry/pumps/{pump}/findings/{finding}/withdraw"
+    ),
+    ("POST", "/registry/aircraft"): Entry(OPEN, "/registry/aircraft"),
+    ("POST", "/registry/aircraft/{name}"): Entry(OPEN, "/registry/aircraft/{aircraft}"),
+    ("POST", "/registry/aircraft/{name}/sensors"): Entry(OPEN, "/registry/aircraft/{aircraft}/sensors"),
+    ("POST", "/records/{record_id}/withdraw"): Entry(OPEN, "/records/{record}/withdraw"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-out"): Entry(OPEN, "/sign-out"),

@@ -140,7 +140,7 @@ def test_an_empty_fleet_is_a_page_too(client: TestClient) -> None:
 
 def test_the_fleet_page_has_pages(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every pump stands on one page, and a page that is not there is the nearest one."""
-    monkeypatch.setattr("service.web.dashboard.pages._PUMPS_PER_PAGE", 3)
+    monkeypatch.setattr("service.web.dashboard.fleet._PUMPS_PER_PAGE", 3)
     serials = [f"P-{i}" for i in range(7)]
     put_records(client, serials)
     pages = [client.get("/", params={"page": n}).text for n in (1, 2, 3)]

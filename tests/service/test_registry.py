@@ -198,7 +198,7 @@ def test_a_pump_that_never_paused_this_long_is_silent(client: TestClient, health
     serial = healthy_records[0].pump.serial
     assert client.get(f"{API}/pumps/{serial}").json()["silent"] is True
     assert [p["serial"] for p in client.get(f"{API}/fleet/summary").json()["silent"]] == [serial]
-    assert "Gone silent" in client.get("/").text
+    assert "gone silent" in client.get("/").text
     pump = client.get(f"{API}/pumps/{serial}").json()
     place = {"aircraft": pump["aircraft"], "position": pump["position"]}
     removed = {**place, "from": "2020-01-01T00:00:00Z", "to": healthy_records[-1].started_at.isoformat()}

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from service.web.api_document.document import openapi_document, operations
-from service.web.dashboard.pages import html_page
+from service.web.dashboard.frame import html_page
 
 docs_router = APIRouter(include_in_schema=False)
 

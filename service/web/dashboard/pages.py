@@ -1,48 +1,40 @@
-"""The pages: fleet, pump."""
+"""The page of one pump: verdict, evidence, curve, trends, and what is entered about it."""
 
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any, get_args
-from urllib.parse import quote
 
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse, RedirectResponse, Response
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-from markupsafe import Markup, escape
+from fastapi.responses import HTMLResponse, Response
+from markupsafe import Markup
 from sqlalchemy.orm import Session
-from starlette.staticfiles import StaticFiles
 
 from detectors.curve.picture import curve_svg
 from detectors.words.verdict import CAUSES, TREND_METRICS
-from service import __version__
 from service.access.security import Principal
 from service.alarms import reading
 from service.answers.alarms import Alarm
 from service.context import Context
-from service.errors import NotFound, Problem, Unauthenticated
+from service.errors import NotFound
 from service.history.knowledge import entries
 from service.reading import queries
-from service.reading.agreement import judged_findings, rates
 from service.reading.curve import curve_of
-from service.reading.fleet import fleet, pump_documents
+from service.reading.fleet import pump_documents
 from service.reading.forecast import forecast_of, with_crossing
-from service.reading.trend import points_of, trend_of
+from service.reading.trend import trend_of
 from service.registry import findings, maintenance
-from service.reports.charts import sparkline_svg, trend_svg
+from service.reports.charts import trend_svg
 from service.reports.remarks import remarks
-from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, FILTERS, MARKS, WORDS
+from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, WORDS
 from service.storage.tables import Finding, MaintenanceEvent, Pump
 from service.thresholds.layers import thresholds_of
-from service.web.dependencies import context_of, principal, visitor_of
+from service.web.dashboard.frame import PageRoute, html_page, local
+from service.web.dashboard.links import address, api_address
+from service.web.dependencies import context_of, principal
 from twin.pumps.fluids import FLUIDS
 
-_HERE = Path(__file__).resolve().parent
-STATIC = StaticFiles(directory=_HERE / "static")
-page_router = APIRouter(include_in_schema=False)
+page_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 _MOST_ALARMS = 20
-_SPARK_RECORDS = 60
-_PUMPS_PER_PAGE = 100
 _TRENDS = (
     "case_flow_at_reference_lpm",
     "pump_leakage_change_lpm",
@@ -51,102 +43,13 @@ _TRENDS = (
     "system_leakage_change_lpm",
     "drain_resistance_change_percent",
 )
-SECURITY_HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; style-src 'self'; img-src 'self' data:; form-action 'self'; "
-    "base-uri 'none'; frame-ancestors 'none'",
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "same-origin",
-    "Cache-Control": "no-store",
-}
-
 _Body = tuple[str, int, dict[str, Any]]
-
-
-_templates = Environment(
-    loader=PackageLoader("service.web.dashboard"),
-    autoescape=select_autoescape(default=True, default_for_string=True),
-    undefined=StrictUndefined,
-)
-_templates.globals |= {
-    "words": WORDS,
-    "marks": MARKS,
-    "estimate_names": ESTIMATE_NAMES,
-    "units": TREND_METRICS,
-    "version": __version__,
-}
-_templates.filters |= FILTERS
-
-
-@page_router.get("/", response_class=HTMLResponse)
-def fleet_page(request: Request, page: int = 1) -> Response:
-    """Who needs attention, why, since when; a hundred pumps a page, the most urgent first."""
-    return _page(request, lambda r, c: _fleet_body(r, c, page))
 
 
 @page_router.get("/pumps/{serial}", response_class=HTMLResponse)
 def pump_page(request: Request, serial: str, operator: str | None = None) -> Response:
     """One pump: verdict, evidence, curve, trends."""
-    return _page(request, lambda r, c: _pump_body(r, c, serial, operator))
-
-
-def _page(request: Request, body: Any) -> Response:
-    """Render a page; its errors are pages too."""
-    try:
-        return html_page(*body(request, context_of(request)))
-    except Unauthenticated:
-        return RedirectResponse("/sign-in", status_code=303)
-    except Problem as problem:
-        return html_page("problem.html", int(problem.status), {"request": request, "problem": problem})
-
-
-def html_page(template: str, status: int, values: dict[str, Any]) -> HTMLResponse:
-    """Render a template under the pages' strict policy; ``values`` hold the ``request``."""
-    context = context_of(values["request"])
-    visitor = visitor_of(values["request"]) if context.settings.auth_is_on else None
-    text = _templates.get_template(template).render({"visitor": visitor, **values})
-    return HTMLResponse(text, status_code=status, headers=SECURITY_HEADERS)
-
-
-def _fleet_body(request: Request, context: Context, page: int) -> _Body:
-    asker = principal(request)
-    with context.database.reading() as session:
-        everyone: list[dict[str, Any]] = [dict(pump) for pump in fleet(session, asker)]
-    last = max(1, -(-len(everyone) // _PUMPS_PER_PAGE))
-    page = min(max(page, 1), last)
-    pumps = everyone[(page - 1) * _PUMPS_PER_PAGE : page * _PUMPS_PER_PAGE]
-    silent = [p for p in everyone if p["silent"]]
-    silent_shown = silent[:_PUMPS_PER_PAGE]
-    for document in (*pumps, *silent_shown):
-        document["link"] = f"/pumps/{quote(document['serial'], '')}?operator={quote(document['operator'], '')}"
-    with context.database.reading() as session:
-        for document in pumps:
-            row = queries.pump(session, asker, document["serial"], document["operator"])
-            newest = queries.newest_assessments(session, row.id, _SPARK_RECORDS)
-            items = points_of(newest, "case_flow_at_reference_lpm", None, None)
-            flow = items[-1] if items else None
-            label = f"case flow at the reference condition of {row.serial} over its last {len(items)} records"
-            document["flow"] = flow
-            values = [i["value"] for i in items]
-            document["spark"] = Markup(sparkline_svg(values, escape(label))) if items else ""  # noqa: S704
-        agreement = rates(judged_findings(session, asker))
-    states = [p["state"] for p in everyone]
-    counts = [(state, states.count(state)) for state in WORDS if state in states]
-    return (
-        "fleet.html",
-        200,
-        {
-            "request": request,
-            "pumps": pumps,
-            "counts": counts,
-            "silent": silent_shown,
-            "n_silent": len(silent),
-            "agreement": agreement,
-            "page": page,
-            "last_page": last,
-            "first_pump": (page - 1) * _PUMPS_PER_PAGE + 1,
-            "n_pumps": len(everyone),
-        },
-    )
+    return html_page(*_pump_body(request, context_of(request), serial, operator))
 
 
 def _pump_body(request: Request, context: Context, serial: str, operator: str | None) -> _Body:
@@ -175,45 +78,37 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
                 maintenance.document(e)
                 for e in sorted(entries(session, MaintenanceEvent, row.id), key=lambda e: e.at, reverse=True)
             ],
-            **_actions(request, session, asker, row),
+            **_actions(session, asker, row),
             "causes": CAUSES,
-            "api": f"/api/v1/pumps/{quote(serial, '')}",
+            "api": api_address("pumps", serial),
         }
     return "pump.html", 200, values
 
 
-def _actions(request: Request, session: Session, asker: Principal, row: Pump) -> dict[str, Any]:
+def _actions(session: Session, asker: Principal, row: Pump) -> dict[str, Any]:
     """What the forms of the pump page need; they are shown to those who may use them."""
-    visitor = visitor_of(request) if context_of(request).settings.auth_is_on else None
     longest = thresholds_of(session, row.operator, row.serial, row.pump_type).values["alarm_shelving_maximum_h"]
     now = datetime.now(UTC)
     # a minute less: the form is sent later than it is made
     latest = now + timedelta(hours=longest) - timedelta(minutes=1)
     return {
         "may_act": asker.may("analyst"),
-        "csrf_token": visitor.csrf_token if visitor else "",
         "may_maintain": asker.may("engineer"),
-        "finding_action": f"/pumps/{quote(row.serial, '')}/findings?operator={quote(row.operator, '')}",
-        "maintenance_action": f"/pumps/{quote(row.serial, '')}/maintenance?operator={quote(row.operator, '')}",
+        "finding_action": address("pumps", row.serial, "findings", query={"operator": row.operator}),
+        "maintenance_action": address("pumps", row.serial, "maintenance", query={"operator": row.operator}),
         "action_words": ACTION_WORDS,
         "fluids": sorted(FLUIDS),
         "channels": get_args(maintenance.Channel),
         "found_words": {name: WORDS.get(name, "No fault found") for name in get_args(findings.Found)},
         "longest_shelf_h": longest,
-        "now": _local(now),
-        "usual_shelf": _local(min(now + timedelta(hours=24), latest)),
-        "latest_shelf": _local(latest),
+        "usual_shelf": local(min(now + timedelta(hours=24), latest)),
+        "latest_shelf": local(latest),
     }
-
-
-def _local(instant: datetime) -> str:
-    """An instant as a form's field has it, in UTC to the minute."""
-    return f"{instant:%Y-%m-%dT%H:%M}"
 
 
 def _alarms(session: Session, asker: Principal, row: Pump) -> list[Alarm]:
     """The pump's newest alarms as the API shows them."""
-    query = reading.alarms(asker, serial=row.serial, operator=row.operator).limit(_MOST_ALARMS)
+    query = reading.alarms(asker, reading.Wanted(serial=row.serial, operator=row.operator)).limit(_MOST_ALARMS)
     return [reading.shown(alarm, serial, kind) for alarm, serial, kind in session.execute(query)]
 
 

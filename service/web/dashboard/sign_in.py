@@ -3,7 +3,7 @@
 import secrets
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Request
+from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.access import audit
@@ -21,30 +21,38 @@ from service.access.sessions import (
 from service.access.users import with_password
 from service.errors import Forbidden, Problem
 from service.storage.tables import User
-from service.web.dashboard.pages import html_page
+from service.web.dashboard.frame import PageRoute, html_page, problem_page
+from service.web.dashboard.links import local_address
 from service.web.dependencies import context_of, is_secure, visitor_of
 
-sign_in_router = APIRouter(include_in_schema=False)
+sign_in_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 _FORM_COOKIE = "casedrain_sign_in"
 _LONGEST_FIELD = 2000
 _Field = Annotated[str, Form(max_length=_LONGEST_FIELD)]
 
 
 @sign_in_router.get("/sign-in", response_class=HTMLResponse)
-def sign_in_page(request: Request) -> Response:
-    """Ask for name and password, or for a key."""
-    return _asked(request, 200, None)
+def sign_in_page(
+    request: Request, wanted: Annotated[str, Query(alias="next", max_length=_LONGEST_FIELD)] = "/"
+) -> Response:
+    """Ask for name and password, or for a key; then lead on to the page that was wanted."""
+    return _asked(request, 200, None, local_address(wanted))
 
 
 @sign_in_router.post("/sign-in")
 def sign_in(
-    request: Request, csrf_token: _Field = "", name: _Field = "", password: _Field = "", key: _Field = ""
+    request: Request,
+    csrf_token: _Field = "",
+    name: _Field = "",
+    password: _Field = "",
+    key: _Field = "",
+    wanted: Annotated[str, Form(alias="next", max_length=_LONGEST_FIELD)] = "/",
 ) -> Response:
     """Start a session; its cookie cannot be read by scripts nor sent by forms of other sites."""
-    context = context_of(request)
+    context, wanted = context_of(request), local_address(wanted)
     held = request.cookies.get(_form_cookie(request), "")
     if not held or not secrets.compare_digest(held.encode(), csrf_token.encode()):
-        return _asked(request, 403, "The form has expired. Please try again.")
+        return _asked(request, 403, "The form has expired. Please try again.", wanted)
     address = request.client.host if request.client else "unknown"
     who = name or "(key)"
     try:
@@ -54,7 +62,7 @@ def sign_in(
             row = key_of(session, key.strip()) if key and not name else None
     except Problem as problem:
         words = f"{problem.detail[:1].upper()}{problem.detail[1:]}."
-        return _asked(request, int(problem.status), words, problem.headers)
+        return _asked(request, int(problem.status), words, wanted, problem.headers)
     found = user or row
     with context.database.writing() as session:
         if found is None:
@@ -68,8 +76,8 @@ def sign_in(
             audit.note(session, come, "session.start", f"user/{owner}", found.operator)
     if found is None:
         what = "That key is not known, has expired or was revoked." if key else "Name or password is wrong."
-        return _asked(request, 401, what)
-    response = RedirectResponse("/", status_code=303)
+        return _asked(request, 401, what, wanted)
+    response = RedirectResponse(wanted, status_code=303)
     response.set_cookie(
         session_cookie(is_secure(request)),
         token,
@@ -91,7 +99,7 @@ def sign_out(request: Request, csrf_token: _Field = "") -> Response:
         try:
             visitor.check_form(csrf_token)
         except Forbidden as problem:
-            return html_page("problem.html", int(problem.status), {"request": request, "problem": problem})
+            return problem_page(request, problem.body(), problem.headers)
         with context.database.writing() as session:
             end_session(session, visitor.session_id)
             who = visitor.principal
@@ -101,9 +109,12 @@ def sign_out(request: Request, csrf_token: _Field = "") -> Response:
     return response
 
 
-def _asked(request: Request, status: int, problem: str | None, headers: dict[str, str] | None = None) -> Response:
+def _asked(
+    request: Request, status: int, problem: str | None, wanted: str, headers: dict[str, str] | None = None
+) -> Response:
     token = secrets.token_urlsafe(32)
-    response = html_page("sign_in.html", status, {"request": request, "problem": problem, "csrf_token": token})
+    values = {"request": request, "problem": problem, "csrf_token": token, "wanted": wanted}
+    response = html_page("sign_in.html", status, values)
     response.headers.update(headers or {})
     response.set_cookie(
         _form_cookie(request), token, max_age=3600, httponly=True, samesite="strict", secure=is_secure(request)

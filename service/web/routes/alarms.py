@@ -1,9 +1,10 @@
 """Alarms: what wants attention, and what is done about it."""
 
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends, Query
 from pydantic import ConfigDict, Field
 
 from service.alarms import reading
@@ -45,20 +46,35 @@ class Shelf(Body):
     until: datetime
 
 
+@dataclass(frozen=True, slots=True)
+class Filters:
+    """What the list is narrowed to, in the words of its query."""
+
+    state: Annotated[reading.Filter | None, Query(description="`open`: what still wants attention or an end")] = None
+    pump: Annotated[str | None, Query(description="Serial number")] = None
+    operator: str | None = None
+    aircraft: Annotated[str | None, Query(description="Where the pump sat when it was raised")] = None
+    pump_type: str | None = None
+    priority: Literal["low", "medium", "high", "critical"] | None = None
+    side: Literal["pump", "system", "sensor", "none", "unknown"] | None = None
+    verdict_state: Annotated[str | None, Query(description="State of the verdict that it stands for")] = None
+
+
+Narrowed = Annotated[Filters, Depends()]
+
+
 @router.get("", summary="List alarms, the newest first")
 def listed(
     context: ContextOf,
     asker: Asker,
-    state: Annotated[reading.Filter | None, Query(description="`open`: what still wants attention or an end")] = None,
-    pump: Annotated[str | None, Query(description="Serial number")] = None,
-    operator: str | None = None,
+    filters: Narrowed,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
 ) -> Page[Alarm]:
     """Page through the alarms that this key may see."""
-    query = {"list": "alarms", "state": state, "pump": pump, "operator": operator}
-    after = place_of(query, cursor)
-    wanted = reading.alarms(asker, state=state, serial=pump, operator=operator, after=after)
+    given = asdict(filters)
+    query = {"list": "alarms", **given}
+    wanted = reading.alarms(asker, reading.Wanted(serial=given.pop("pump"), **given), place_of(query, cursor))
     now = datetime.now(UTC)
     with context.database.reading() as session:
         rows = session.execute(wanted.limit(limit + 1)).all()

@@ -47,12 +47,12 @@ async def upload_many(
     named = await run_in_threadpool(mapping_of, context, asker, overrides, mapping)
     declared = request.headers.get("content-length", "")
     async with context.spool.received(request.stream(), declared, context.settings.max_bulk_bytes) as file:
-        job = await run_in_threadpool(_asked, context, asker, file, kind, overrides, named)
+        job = await run_in_threadpool(asked, context, asker, file, kind, overrides, named)
     response.headers["Location"] = location("jobs", job.id)
     return shown(job)
 
 
-def _asked(
+def asked(
     context: Context,
     asker: Principal,
     file: SpooledFile,

@@ -1,14 +1,17 @@
 """Pumps: list, one, verdicts, trends, damage identification curve."""
 
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Annotated, Literal, cast
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
 
 from detectors.curve.picture import curve_svg
 from detectors.words.verdict import TREND_METRICS
 from service.access import audit
+from service.access.security import Principal
 from service.answers import pumps as answers
 from service.answers import verdicts as answered
 from service.answers.registry import LookAlike
@@ -22,6 +25,7 @@ from service.reading.curve import curve_of
 from service.reading.fleet import pump_documents
 from service.reading.forecast import forecast_of, with_crossing
 from service.reading.raster import png_of
+from service.reading.silence import silent_pumps
 from service.reading.trend import check_metric, trend_of
 from service.registry import pumps as registry
 from service.registry.fields import Instant
@@ -35,20 +39,58 @@ from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
 
 router = APIRouter(prefix="/pumps", tags=["pumps"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="Needed only where several operators have this serial number")]
+StateName = Literal[
+    "insufficient_data",
+    "healthy",
+    "pump_degradation",
+    "compensator_fault",
+    "system_leakage",
+    "drain_restriction",
+    "sensor_fault",
+    "indeterminate",
+]
+SideName = Literal["pump", "system", "sensor", "none", "unknown"]
+PriorityName = Literal["none", "low", "medium", "high", "critical"]
+
+
+@dataclass(frozen=True, slots=True)
+class Filters:
+    """What the list is narrowed to, in the words of its query."""
+
+    state: Annotated[StateName | None, Query(description="State of the verdict now")] = None
+    side: SideName | None = None
+    aircraft: Annotated[str | None, Query(description="Where its latest record comes from")] = None
+    type: Annotated[str | None, Query(description="Id of the pump type")] = None
+    priority: Annotated[PriorityName | None, Query(description="Of its open alarm; `none` without one")] = None
+    silent: Annotated[bool | None, Query(description="Whether records stay out for unusually long")] = None
+
+    def wanted(self, session: Session, asker: Principal) -> queries.WantedPumps:
+        """The same as the reading takes it; who is silent is looked up only where it is asked for."""
+        silent: frozenset[int] = frozenset()
+        if self.silent is not None:
+            ids = [pump.id for pump in session.scalars(queries.pumps(asker))]
+            silent = frozenset(silent_pumps(session, ids, datetime.now(UTC)))
+        return queries.WantedPumps(self.state, self.side, self.aircraft, self.type, self.priority, self.silent, silent)
+
+
+Narrowed = Annotated[Filters, Depends()]
+ALL = Filters()
 
 
 @router.get("", summary="List pumps")
 def listed(
     context: ContextOf,
     asker: Asker,
+    filters: Narrowed = ALL,
     limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
     cursor: str | None = None,
 ) -> Page[answers.Pump]:
     """Page through the pumps that this key may see, by operator and serial number."""
-    query = {"list": "pumps"}
+    query = {"list": "pumps", **{name: value for name, value in asdict(filters).items() if value is not None}}
     after = place_of(query, cursor)
     with context.database.reading() as session:
-        rows = list(session.scalars(queries.pumps(asker, after).limit(limit + 1)))
+        wanted = queries.pumps(asker, after, filters.wanted(session, asker))
+        rows = list(session.scalars(wanted.limit(limit + 1)))
         documents = {row.id: d for row, d in zip(rows, pump_documents(session, rows), strict=True)}
         return page(rows, limit, query, lambda r: [r.operator, r.serial], lambda r: documents[r.id])
 

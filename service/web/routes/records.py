@@ -21,7 +21,7 @@ from service.monitoring.acceptance import Upload
 from service.monitoring.withdrawal import withdraw_record
 from service.reading import queries
 from service.registry.fields import Instant, Reason
-from service.storage.tables import ANALYSED, Record
+from service.storage.tables import ANALYSED, Record, Refusal
 from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
@@ -113,8 +113,23 @@ def listed(
             limit,
             query,
             lambda row: [row[0].received_at.isoformat(), row[0].id],
-            lambda row: _summary(row[0], row[1]),
+            lambda row: _summary(row[0], row[1], row[2]),
         )
+
+
+@router.get("/refusals", summary="Uploads that were refused at once")
+def refusals(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS)] = DEFAULT_ITEMS,
+    cursor: str | None = None,
+) -> Page[answers.Refusal]:
+    """Page through the refusals that this key may see, the newest first; `refused` records were stored before."""
+    query = {"list": "refusals"}
+    wanted = queries.refusals(asker, place_of(query, cursor))
+    with context.database.reading() as session:
+        rows = list(session.scalars(wanted.limit(limit + 1)))
+        return page(rows, limit, query, lambda row: [row.received_at.isoformat(), row.id], _refusal)
 
 
 @router.get("/{record_id}", summary="Status of one record")
@@ -141,7 +156,7 @@ def withdraw(
 def windows(record_id: str, context: ContextOf, asker: Asker) -> Page[answers.Window]:
     """All windows in time order, the rejected ones with their reason."""
     with context.database.reading() as session:
-        return {"items": _windows(queries.record(session, asker, record_id)), "next": None}
+        return {"items": queries.windows_of(queries.record(session, asker, record_id)), "next": None}
 
 
 @router.get("/{record_id}/raw", summary="Original bytes of one record", response_class=Response)
@@ -201,7 +216,7 @@ def _answer(context: Context, asker: Principal, record_id: str) -> answers.Recor
         if row.status != ANALYSED:
             return document
         assessment = queries.assessment_of(session, row.id)
-        found, reduction = _windows(row), row.reduction or {}
+        found, reduction = queries.windows_of(row), row.reduction or {}
         usable = [w["residuals"] for w in found if w["kind"] == "zero_flow" and w["accepted"]]
         return {
             **document,
@@ -214,13 +229,17 @@ def _answer(context: Context, asker: Principal, record_id: str) -> answers.Recor
         }
 
 
-def _windows(row: Record) -> list[answers.Window]:
-    residuals = row.residuals or {}
-    found = (row.reduction or {}).get("windows", [])
-    return [{**window, "residuals": residuals.get(str(i), {})} for i, window in enumerate(found)]
+def _refusal(row: Refusal) -> answers.Refusal:
+    return {
+        "id": row.id,
+        "operator": row.operator,
+        "received_at": instant(row.received_at),
+        "content_hash": row.content_hash,
+        "problem": row.problem,
+    }
 
 
-def _summary(row: Record, serial: str | None) -> answers.RecordSummary:
+def _summary(row: Record, serial: str | None, state: str | None) -> answers.RecordSummary:
     return {
         "record_id": row.id,
         "status": row.status,
@@ -232,4 +251,7 @@ def _summary(row: Record, serial: str | None) -> answers.RecordSummary:
         "segment": row.segment or None,
         "started_at": instant(row.started_at),
         "received_at": instant(row.received_at),
+        "state": state if row.status == ANALYSED else None,
+        "explanation": (row.reduction or {}).get("explanation"),
+        "problem": row.problem,
     }

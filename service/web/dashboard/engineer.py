@@ -1,0 +1,194 @@
+"""The engineer's page: an operating point with health values beside the healthy pump, and what given sensors can tell."""
+
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Query, Request
+from fastapi.responses import HTMLResponse, Response
+from markupsafe import Markup
+
+from service.access.security import Principal
+from service.answers.twin import Isolability, OperatingPoint
+from service.context import Context
+from service.errors import Problem
+from service.reports.twin_chart import Line, twin_svg
+from service.reports.words import WORDS
+from service.web.dashboard.forms import checked
+from service.web.dashboard.frame import PageRoute, html_page
+from service.web.dependencies import Asker, ContextOf
+from service.web.routes import pump_types, twin, twin_isolability
+from twin.pumps.circuits import CIRCUITS
+from twin.pumps.fluids import FLUIDS
+
+engineer_router = APIRouter(include_in_schema=False, route_class=PageRoute)
+_LEAKS_LPM = [0.5 * i for i in range(17)]
+_TEMPERATURES_DEGC = [20.0 + 4.0 * i for i in range(19)]
+HEALTH = {
+    "pump_leakage_scale": ("leakage of the pump, times healthy", 1.0),
+    "system_leakage_lpm": ("leak of the circuit [L/min]", 0.0),
+    "pressure_setting_change_bar": ("pressure setting, change [bar]", 0.0),
+    "drain_resistance_scale": ("resistance of the drain, times healthy", 1.0),
+    "control_bleed_lpm": ("bleed of the compensator [L/min]", 0.0),
+    "droop_scale": ("droop, times healthy", 1.0),
+}
+OUTPUTS = {
+    "discharge_pressure_bar": "discharge pressure [bar]",
+    "case_pressure_bar": "case pressure [bar]",
+    "return_pressure_bar": "return pressure [bar]",
+    "control_pressure_bar": "control pressure [bar]",
+    "case_flow_lpm": "case flow [L/min]",
+    "discharge_flow_lpm": "discharge flow [L/min]",
+    "suction_flow_lpm": "suction flow [L/min]",
+    "swashplate_angle_deg": "tilt of the swashplate [deg]",
+    "shaft_torque_nm": "torque of the shaft [N m]",
+    "case_temperature_degc": "fluid in the case [°C]",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """An operating point as the page asks for it."""
+
+    pump_type: str = "h225"
+    circuit: str = "shared_return"
+    fluid: str = ""
+    speed_rpm: float = 4600.0
+    fluid_temperature_degc: float = 60.0
+    reservoir_pressure_bar: float = 0.5
+    discharge_flow_lpm: float = 0.0
+    pump_leakage_scale: float = 1.0
+    system_leakage_lpm: float = 0.0
+    pressure_setting_change_bar: float = 0.0
+    drain_resistance_scale: float = 1.0
+    control_bleed_lpm: float = 0.0
+    droop_scale: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A study of isolability as the page asks for it; accuracies that are left out are the pump type's own."""
+
+    study: Annotated[bool, Query(description="Whether to make it")] = False
+    case_accuracy_percent: float | None = None
+    case_full_scale_bar: float | None = None
+    discharge_accuracy_percent: float | None = None
+    reservoir: bool = True
+    flights: int = 30
+    coldest_degc: float = 30.0
+    warmest_degc: float = 80.0
+    burst: bool = False
+
+
+@engineer_router.get("/engineer", response_class=HTMLResponse)
+def engineer_page(
+    request: Request,
+    context: ContextOf,
+    asker: Asker,
+    point: Annotated[Point, Depends()],
+    study: Annotated[Study, Depends()],
+) -> Response:
+    """Operating point beside the healthy pump's, two curves through it, and what sensors could see."""
+    found: dict[str, Any] = {"problem": None, "sound": None, "worn": None, "pictures": []}
+    bounds: dict[str, Any] = {"problem": None, "rows": [], "remarks": []}
+    status = 200
+    try:
+        found |= _point(context, asker, point)
+    except Problem as problem:
+        found["problem"], status = problem.body(), int(problem.status)
+    if study.study:
+        try:
+            bounds |= _bounds(_study(context, asker, point, study))
+        except Problem as problem:
+            bounds["problem"], status = problem.body(), int(problem.status)
+    values = {
+        "request": request,
+        "point": asdict(point),
+        "study": asdict(study),
+        "found": found,
+        "bounds": bounds,
+        "health": HEALTH,
+        "outputs": OUTPUTS,
+        "pump_types": [t["id"] for t in pump_types.listed(context, asker)["items"]],
+        "circuits": sorted(CIRCUITS),
+        "fluids": sorted(FLUIDS),
+    }
+    return html_page("engineer.html", status, values)
+
+
+def _point(context: Context, asker: Principal, point: Point) -> dict[str, Any]:
+    """Both operating points, and curves over a leak of the circuit and over temperature for either health."""
+    given = asdict(point)
+    worn = {name: given.pop(name) for name in HEALTH}
+    kind, sound = given.pop("pump_type"), {name: usual for name, (_, usual) in HEALTH.items()}
+    base = {**given, "fluid": given["fluid"] or None}
+    conditions = [{**base, "health": health} for health in (sound, worn)]
+    for health in (sound, worn):
+        conditions += [{**base, "health": {**health, "system_leakage_lpm": leak}} for leak in _LEAKS_LPM]
+    for health in (sound, worn):
+        conditions += [{**base, "fluid_temperature_degc": t, "health": health} for t in _TEMPERATURES_DEGC]
+    body = checked(twin.OperatingPointRequest, {"pump_type": kind, "conditions": conditions}, "operating point")
+    items = twin.solve(body, context, asker)["items"]
+    n, m = len(_LEAKS_LPM), len(_TEMPERATURES_DEGC)
+    leaks, warm = items[2 : 2 + 2 * n], items[2 + 2 * n :]
+    tank = point.reservoir_pressure_bar
+    plane = [
+        Line("healthy pump, growing leak of the circuit", [_in_plane(i, tank) for i in leaks[:n]]),
+        Line("with these values", [_in_plane(i, tank) for i in leaks[n:]]),
+    ]
+    over = [
+        Line("healthy pump", [_over(t, i) for t, i in zip(_TEMPERATURES_DEGC, warm[:m], strict=True)]),
+        Line("with these values", [_over(t, i) for t, i in zip(_TEMPERATURES_DEGC, warm[m:], strict=True)]),
+    ]
+    marked = _in_plane(items[1], tank)
+    pictures = [
+        twin_svg(
+            "Damage identification curve", ("discharge pressure [bar]", "case minus reservoir [bar]"), plane, marked
+        ),
+        twin_svg("Case flow over temperature", ("fluid temperature [°C]", "case flow [L/min]"), over, None),
+    ]
+    return {"sound": items[0], "worn": items[1], "pictures": [Markup(p) for p in pictures]}  # noqa: S704
+
+
+def _in_plane(item: OperatingPoint, tank_bar: float) -> tuple[float, float] | None:
+    if "error" in item:
+        return None
+    return item["discharge_pressure_bar"], item["case_pressure_bar"] - tank_bar
+
+
+def _over(x: float, item: OperatingPoint) -> tuple[float, float] | None:
+    return None if "error" in item else (x, item["case_flow_lpm"])
+
+
+def _study(context: Context, asker: Principal, point: Point, study: Study) -> Isolability:
+    case = {"accuracy_percent": study.case_accuracy_percent, "full_scale_bar": study.case_full_scale_bar}
+    discharge = {"accuracy_percent": study.discharge_accuracy_percent}
+    values = {
+        "pump_type": point.pump_type,
+        "circuit": point.circuit,
+        "fluid": point.fluid or None,
+        "sensors": {
+            "case_pressure_bar": case,
+            "discharge_pressure_bar": discharge,
+            "reservoir_pressure_bar": {} if study.reservoir else None,
+        },
+        "flights": study.flights,
+        "temperature_range_degc": (study.coldest_degc, study.warmest_degc),
+        "burst": study.burst,
+    }
+    return twin_isolability.study(checked(twin_isolability.IsolabilityRequest, values, "study"), context, asker)
+
+
+def _bounds(found: Isolability) -> dict[str, Any]:
+    """Rows of the table of bounds, what is named best first."""
+    rows = [
+        {
+            "fault": name.replace("_", " "),
+            "state": WORDS.get(fault["state"], fault["state"]),
+            "unit": fault["unit"],
+            "detectable": fault["smallest_detectable"],
+            "isolable": fault["smallest_isolable"],
+            "group": [other.replace("_", " ") for other in fault["ambiguity_group"] if other != name],
+        }
+        for name, fault in found["faults"].items()
+    ]
+    return {"rows": rows, "remarks": found["remarks"]}
