@@ -16,7 +16,7 @@ from tests.service.test_sign_in import sign_in
 
 API = "/api/v1"
 Post = Callable[..., tuple[int, str]]
-ORIGIN = {"origin": "http://testserver"}
+ORIGIN = {"origin": "http://localhost"}
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from urllib.parse import quote
 
 import pytest
 from fastapi.testclient import TestClient
+from structlog.testing import capture_logs
 
 from service.client import Client
 from service.client.testing import MemoryService
@@ -87,22 +88,17 @@ def test_forms_come_back_to_the_pump(client: TestClient) -> None:
     assert answer.headers["location"] == "/pumps/SN%2Fform?operator=default#findings"
 
 
-def logged_paths(lines: str) -> list[str]:
-    found = [line.partition("path=")[2].partition(" ")[0] for line in lines.splitlines() if "path=" in line]
-    assert found
-    return found
-
-
-def test_a_name_with_the_end_of_another_address_is_its_own(
-    client: TestClient, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for serial in ("P-9", "P-9/verdict"):
-        content = {**document(), "pump_serial": serial, "flight_id": "F9"}
-        assert client.post(f"{API}/records", content=body(content), headers=JSON).status_code == 201
-    assert client.get(f"{API}/pumps/P-9%2Fverdict").json()["serial"] == "P-9/verdict"
-    assert "state" in client.get(f"{API}/pumps/P-9/verdict").json()
-    assert client.get(f"{API}/pumps/P-9%2fverdict/verdict").status_code == 200
-    assert all(path.isprintable() for path in logged_paths(capsys.readouterr().out)), "no stand-in in the log"
+def test_a_name_with_the_end_of_another_address_is_its_own(client: TestClient) -> None:
+    with capture_logs() as logged:
+        for serial in ("P-9", "P-9/verdict"):
+            content = {**document(), "pump_serial": serial, "flight_id": "F9"}
+            assert client.post(f"{API}/records", content=body(content), headers=JSON).status_code == 201
+        assert client.get(f"{API}/pumps/P-9%2Fverdict").json()["serial"] == "P-9/verdict"
+        assert "state" in client.get(f"{API}/pumps/P-9/verdict").json()
+        assert client.get(f"{API}/pumps/P-9%2fverdict/verdict").status_code == 200
+    paths = [line["path"] for line in logged if "path" in line]
+    assert f"{API}/pumps/P-9/verdict" in paths
+    assert all(path.isprintable() for path in paths), "no stand-in in the log"
     missing = client.get(f"{API}/pumps/no%2Fsuch")
     assert missing.status_code == 404
     assert missing.json()["detail"].startswith("there is no pump no/such")

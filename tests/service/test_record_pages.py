@@ -15,7 +15,7 @@ from tests.service.records import body, document
 
 API = "/api/v1"
 JSON = {"content-type": "application/json"}
-ORIGIN = {"origin": "http://testserver"}
+ORIGIN = {"origin": "http://localhost"}
 
 
 def sent(client: TestClient, changed: dict[str, Any] | None = None, **params: Any) -> str:

@@ -74,7 +74,7 @@ def test_a_layer_is_changed_looked_at_and_restored(guarded: TestClient) -> None:
 def test_a_preview_says_what_the_api_says_and_changes_nothing(client: TestClient) -> None:
     record = client.post(f"{API}/records", content=body(), headers={"content-type": "application/json"})
     assert record.status_code == 201
-    layer, origin = {"scope": "pump", "id": "P-1"}, {"origin": "http://testserver"}
+    layer, origin = {"scope": "pump", "id": "P-1"}, {"origin": "http://localhost"}
     form = {**layer, "version": "0", "value.alarm_on_delay_flights": "4"}
     assert client.post("/thresholds/preview", data=form).status_code == 403
     shown = client.post("/thresholds/preview", data=form, headers=origin)

@@ -12,7 +12,7 @@ from tests.service.records import body, document
 from tests.service.test_page_forms import come_in
 
 API = "/api/v1"
-ORIGIN = {"origin": "http://testserver"}
+ORIGIN = {"origin": "http://localhost"}
 
 
 def test_each_file_has_its_result(client: TestClient) -> None:
