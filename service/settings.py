@@ -41,6 +41,9 @@ class Settings(BaseSettings):
     worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
     """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""
 
+    audit_key: SecretStr = SecretStr("")
+    """Signs the head of the audit log, 64 hexadecimal digits; empty: a key of its own in the data folder."""
+
     @cached_property
     def effective_database_url(self) -> str:
         """SQLAlchemy URL: as set, else an SQLite file in the data directory."""

@@ -14,6 +14,8 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.orm import Session, sessionmaker
 
 import service
+from service.storage.audit_chain import chain_noted
+from service.storage.audit_key import AuditKey
 
 _CONNECT_TIMEOUT_S = 5
 
@@ -21,11 +23,12 @@ _CONNECT_TIMEOUT_S = 5
 class Database:
     """One engine with sessions for reading and for writing."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, audit_key: AuditKey | None = None) -> None:
         self.url = url
         self.engine = _engine(url)
         self._reading = sessionmaker(self.engine, expire_on_commit=False)
         self._writing = sessionmaker(self.engine.execution_options(writes=True), expire_on_commit=False)
+        event.listen(self._writing, "before_commit", lambda session: chain_noted(session, audit_key))
 
     @property
     def is_sqlite(self) -> bool:
@@ -41,6 +44,14 @@ class Database:
     def writing(self) -> Iterator[Session]:
         """Session whose block is one transaction: committed at the end, rolled back on any error."""
         with self._writing.begin() as session:
+            yield session
+
+    @contextmanager
+    def snapshot(self) -> Iterator[Session]:
+        """Session for reading all of its queries from one state of the database."""
+        with self._reading() as session:
+            if not self.is_sqlite:  # where a transaction that reads is one state anyway
+                session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
             yield session
 
     def ping(self) -> None:
@@ -106,10 +117,10 @@ def alembic_config(url: str) -> Config:
     return config
 
 
-def upgrade(url: str) -> None:
-    """Bring a database to the newest schema; safe to call again."""
+def upgrade(url: str, revision: str = "head") -> None:
+    """Bring a database to the newest schema, or to an older one; safe to call again."""
     _engine(url).dispose()  # makes the folder of an SQLite file
-    command.upgrade(alembic_config(url), "head")
+    command.upgrade(alembic_config(url), revision)
 
 
 def pending_migration(database: Database) -> str | None:
