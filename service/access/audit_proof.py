@@ -49,7 +49,7 @@ class Findings:
             "links": self.links,
             "erased": self.erased,
             "withheld": self.withheld,
-            "head": self.head._asdict() if self.head else None,
+            "head": self.head.to_json() if self.head else None,
             "faults": self.faults + ([f"and {self.more} more"] if self.more else []),
         }
 
@@ -60,7 +60,7 @@ def stored_proof(session: Session, operator: str | None = None) -> Iterator[dict
     The session must be a snapshot.
     """
     row = session.get(AuditHead, HEAD_ID)
-    yield {"format": FORMAT, "operator": operator, "head": head_of(row)._asdict() if row else None}
+    yield {"format": FORMAT, "operator": operator, "head": head_of(row).to_json() if row else None}
     query = (
         select(AuditLink, AuditEntry)
         .outerjoin(AuditEntry, AuditEntry.id == AuditLink.entry_id)
@@ -68,13 +68,13 @@ def stored_proof(session: Session, operator: str | None = None) -> Iterator[dict
         .execution_options(yield_per=_BATCH)
     )
     for link, entry in session.execute(query):
-        line = {
+        line: dict[str, Any] = {
             "position": link.position,
             "entry_id": link.entry_id,
             "content_hash": link.content_hash,
             "link": link.link,
         }
-        shown = entry is not None and operator in (None, entry.operator)
+        shown = operator in (None, entry.operator) if entry is not None else False
         if operator is not None and not shown:
             line["withheld"] = True
         yield line | {"salt": entry.salt if shown else None, "content": content_of(entry) if shown else None}

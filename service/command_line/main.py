@@ -10,6 +10,8 @@ from service.command_line.administration import db_app, keys_app, users_app
 from service.command_line.analysed import analysed_pump, refusal, safe_name, show_pump, show_refusal
 from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
+from service.command_line.keeping import app as keeping
+from service.command_line.keeping import audit_app
 from service.command_line.studies import app as studies
 
 app = typer.Typer(
@@ -20,6 +22,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(studies)
+app.add_typer(keeping)
+app.add_typer(audit_app, name="audit")
 app.add_typer(keys_app, name="keys")
 app.add_typer(users_app, name="users")
 app.add_typer(db_app, name="db")

@@ -8,9 +8,9 @@ import contextlib
 import json
 import os
 import secrets
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
 
 import structlog
 from sqlalchemy import select
@@ -24,7 +24,8 @@ ANCHOR_FILE = "audit-anchor.json"
 log = structlog.get_logger("casedrain.audit")
 
 
-class Anchor(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Anchor:
     """A place that a chain must go through: ``count`` links, the last of them ``link``."""
 
     chain_id: str
@@ -72,7 +73,7 @@ def anchor_from(text: str) -> Anchor:
 def keep_anchor(folder: Path, anchor: Anchor) -> None:
     """Write the anchor of a data folder: whole or not at all."""
     partial = folder / f"{ANCHOR_FILE}.{secrets.token_hex(8)}.partial"
-    partial.write_text(json.dumps(anchor._asdict()) + "\n", encoding="utf-8")
+    partial.write_text(json.dumps(asdict(anchor)) + "\n", encoding="utf-8")
     os.replace(partial, folder / ANCHOR_FILE)
 
 

@@ -8,8 +8,9 @@ import hashlib
 import json
 import secrets
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any
 
 from sqlalchemy.orm import Session
 
@@ -21,7 +22,8 @@ NOTED = "audit-entries"
 HEAD_ID = 1
 
 
-class Head(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Head:
     """End of a chain: its name, the number of links, the last of them, and who signed that."""
 
     chain_id: str
@@ -29,6 +31,10 @@ class Head(NamedTuple):
     link: str
     public_key: str
     signature: str
+
+    def to_json(self) -> dict[str, Any]:
+        """As proofs and backups say it."""
+        return asdict(self)
 
     @property
     def is_signed(self) -> bool:
