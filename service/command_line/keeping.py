@@ -117,6 +117,73 @@ def check(
         say("Whole.")
 
 
+@app.command(cls=Command)
+def bundle(
+    serial: Annotated[str, typer.Argument(help="Serial number of the pump")],
+    place: Annotated[Path, typer.Argument(help="A new folder, or a new file whose name ends in .zip")],
+    operator: Annotated[str, typer.Option(help="Whose pump")] = "default",
+    json_: Json = False,
+) -> None:
+    """Write a pump's bundle: all that its verdict rests on, with the verdict; `casedrain replay` makes it again.
+
+    With --json: the bundle's manifest.
+    """
+    from sqlalchemy import select  # noqa: PLC0415 - heavy, and only here
+
+    from service.errors import Problem  # noqa: PLC0415
+    from service.keeping.bundle import make_bundle  # noqa: PLC0415
+    from service.keeping.installation import installation  # noqa: PLC0415
+    from service.settings import Settings  # noqa: PLC0415
+    from service.storage.tables import Pump  # noqa: PLC0415
+
+    try:
+        with installation(Settings()) as kept:
+            with kept.database.reading() as session:
+                pump_id = session.scalar(select(Pump.id).where(Pump.serial == serial, Pump.operator == operator))
+            if pump_id is None:
+                raise ValueError(f"operator {operator} has no pump {serial}")
+            manifest = make_bundle(kept.database, kept.raw_store, pump_id, place)
+    except (ValueError, Problem) as error:
+        raise failure(str(error)) from None
+    if json_:
+        say_json(manifest)
+    else:
+        say(f"Bundle of pump {serial} in {place}: {manifest['raw_files']} raw files.")
+
+
+@app.command(cls=Command)
+def replay(
+    place: Annotated[Path, typer.Argument(help="A bundle", exists=True)],
+    json_: Json = False,
+) -> None:
+    """Reduce and fold a bundle's records anew and compare the verdict with the one it holds; exit code 1 if they differ.
+
+    With --json: {"identical", "pump", "operator", "issued_by", "replayed_by", "explanation", "differences": [{"where",
+    "expected", "found"}], "expected", "verdict"}.
+    """
+    from service.errors import Problem  # noqa: PLC0415 - heavy, and only here
+    from service.keeping.replay import replay as replayed  # noqa: PLC0415
+
+    try:
+        done = replayed(place)
+    except (ValueError, Problem) as error:
+        raise failure(str(error)) from None
+    told = done.to_json()
+    if json_:
+        say_json(told)
+    else:
+        for difference in told["differences"]:
+            say(f"{difference['where']}: {difference['expected']} was issued, {difference['found']} is found")
+        if told["explanation"]:
+            say(told["explanation"])
+    if not done.is_identical:
+        raise failure(f"the verdict on pump {told['pump']} is not the one that was issued")
+    if not json_:
+        say(
+            f"The verdict on pump {told['pump']} is the one that was issued, to the last digit: {done.verdict['state']}."
+        )
+
+
 @audit_app.command("verify", cls=Command)
 def verify_log(
     file: Annotated[Path | None, typer.Option(help="A proof that was exported, instead of the database")] = None,

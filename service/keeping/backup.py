@@ -14,9 +14,9 @@ from service.identity import software
 from service.keeping.consistent import State, consistent, engine_is_read, engine_version
 from service.keeping.container import Target, Written, written
 from service.keeping.installation import Installation
-from service.keeping.manifest import AUDIT_KEY_FILE, FORMAT, MANIFEST, RAW_LIST, raw_name, rows_name, sealed
+from service.keeping.manifest import AUDIT_KEY_FILE, FORMAT, MANIFEST, RAW_LIST, described, raw_name, rows_name, sealed
 from service.keeping.needs import needed, welcome
-from service.keeping.rows import lines_of, shape_of
+from service.keeping.rows import lines_of
 from service.storage.audit_chain import HEAD_ID, head_of
 from service.storage.raw_store import RawStore
 from service.storage.tables import AuditHead, Backup, Base
@@ -97,7 +97,7 @@ def _write(kept: Installation, target: Target, backup_id: str, with_gaps: bool) 
         tables = []
         for table in Base.metadata.sorted_tables:
             add(rows_name("rows", table.name), lines_of(state.main, table))
-            tables.append(_described(table))
+            tables.append(described(table))
         head = state.main.execute(AuditHead.__table__.select().where(AuditHead.id == HEAD_ID)).one()
         revision = MigrationContext.configure(state.main).get_current_revision()
         wanted, spare = needed(state.main), set(welcome(state.main))
@@ -131,13 +131,8 @@ def _engine(state: State, add: Any) -> dict[str, Any] | None:
     tables = []
     for table in state.engine_tables:
         add(rows_name("engine", table.name), lines_of(state.engine, table))
-        tables.append(_described(table))
+        tables.append(described(table))
     return {"version": engine_version(state.engine), "tables": tables}
-
-
-def _described(table: Any) -> dict[str, Any]:
-    shape = shape_of(table)
-    return {"table": shape.table, "columns": [list(column) for column in shape.columns]}
 
 
 def _raw(

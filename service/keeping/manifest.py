@@ -5,11 +5,14 @@ import hashlib
 import json
 from typing import Any, cast
 
+from sqlalchemy import Table
+
 from service.keeping.container import Source, parts_of
-from service.keeping.rows import Rows
+from service.keeping.rows import Rows, shape_of
 
 MANIFEST = "manifest.json"
 FORMAT = "casedrain backup 1"
+BUNDLE = "casedrain bundle 1"
 AUDIT_KEY_FILE = "audit-key"
 RAW_LIST = "raw.jsonl"
 """One raw file a line: its hash and its size [bytes]."""
@@ -30,8 +33,8 @@ def sealed(body: dict[str, Any]) -> bytes:
     return json.dumps({**body, "sha256": _hash(body)}, indent=1, sort_keys=True).encode()
 
 
-def read_manifest(source: Source) -> dict[str, Any]:
-    """The manifest of a backup.
+def read_manifest(source: Source, form: str = FORMAT) -> dict[str, Any]:
+    """The manifest of a backup, or of another set whose format is ``form``.
 
     Raises
     ------
@@ -43,14 +46,20 @@ def read_manifest(source: Source) -> dict[str, Any]:
             found = cast("dict[str, Any]", json.loads(file.read()))
         body = {key: value for key, value in found.items() if key != "sha256"}
     except KeyError:
-        raise ValueError("there is no manifest.json: this is no backup, or one that never came to its end") from None
+        raise ValueError("there is no manifest.json: this is none, or one that never came to its end") from None
     except (ValueError, AttributeError, EOFError, OSError):
         raise ValueError("manifest.json is damaged") from None
-    if found.get("format") != FORMAT:
-        raise ValueError(f"manifest.json says format {found.get('format')!r}, this release reads {FORMAT!r}")
+    if found.get("format") != form:
+        raise ValueError(f"manifest.json says format {found.get('format')!r}, wanted is {form!r}")
     if found.get("sha256") != _hash(body):
         raise ValueError("manifest.json was changed: its own hash does not fit")
     return found
+
+
+def described(table: Table) -> dict[str, Any]:
+    """A table as a manifest names it, with what its columns hold."""
+    shape = shape_of(table)
+    return {"table": shape.table, "columns": [list(column) for column in shape.columns]}
 
 
 def shapes(found: dict[str, Any], kind: str) -> list[Rows]:

@@ -51,8 +51,8 @@ def shape_of(stored: Table) -> Rows:
     return Rows(stored.name, columns, stored.schema)
 
 
-def lines_of(connection: Connection, stored: Table) -> Iterator[bytes]:
-    """Rows of a table in the order of its key, one JSON array a line; few of them in memory at a time."""
+def lines_of(connection: Connection, stored: Table, which: ColumnElement[bool] | None = None) -> Iterator[bytes]:
+    """Rows of a table in the order of its key, all or some, one JSON array a line; few of them in memory at a time."""
     shape = shape_of(stored)
     is_postgres = connection.dialect.name == "postgresql"
     chosen: list[ColumnElement[Any]] = []
@@ -61,6 +61,8 @@ def lines_of(connection: Connection, stored: Table) -> Iterator[bytes]:
         as_text = cast(held, Text) if is_postgres else type_coerce(held, Text)
         chosen.append(as_text if kind == AS_JSON else held)
     query = select(*chosen).order_by(*stored.primary_key)
+    if which is not None:
+        query = query.where(which)
     kinds = [kind for _, kind in shape.columns]
     with connection.execute(query.execution_options(yield_per=_BATCH)) as result:
         for rows in result.partitions(_BATCH):
