@@ -184,6 +184,33 @@ def replay(
         )
 
 
+@app.command("import-operator", cls=Command)
+def import_operator(
+    place: Annotated[Path, typer.Argument(help="What GET /operators/{operator}/export gave", exists=True)],
+    json_: Json = False,
+) -> None:
+    """Take an operator's export into this installation, all of it or nothing; its verdicts are made again by the server.
+
+    With --json: {"operator", "rows", "raw_files"}.
+    """
+    from service.keeping.installation import installation  # noqa: PLC0415 - heavy, and only here
+    from service.keeping.operator_import import import_operator as taken_in  # noqa: PLC0415
+    from service.settings import Settings  # noqa: PLC0415
+
+    try:
+        with installation(Settings()) as kept:
+            done = taken_in(kept.database, kept.raw_store, place, kept.database.revision() or "")
+    except ValueError as error:
+        raise failure(str(error)) from None
+    if json_:
+        say_json(done)
+    else:
+        records = done["rows"].get("records", 0)
+        say(
+            f"Operator {done['operator']}: {records} records, {done['raw_files']} raw files. Keys and users are to be made anew."
+        )
+
+
 @audit_app.command("verify", cls=Command)
 def verify_log(
     file: Annotated[Path | None, typer.Option(help="A proof that was exported, instead of the database")] = None,

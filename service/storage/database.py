@@ -54,6 +54,11 @@ class Database:
                 session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
             yield session
 
+    def revision(self) -> str | None:
+        """Revision of the schema that the database is at."""
+        with self.engine.connect() as connection:
+            return MigrationContext.configure(connection).get_current_revision()
+
     def ping(self) -> None:
         """Ask the database for one row; raises what the driver raises."""
         with self.engine.connect() as connection:
@@ -126,8 +131,7 @@ def upgrade(url: str, revision: str = "head") -> None:
 def pending_migration(database: Database) -> str | None:
     """Sentence that says how far the schema is behind; None when it is current."""
     head = ScriptDirectory.from_config(alembic_config(database.url)).get_current_head()
-    with database.engine.connect() as connection:
-        current = MigrationContext.configure(connection).get_current_revision()
+    current = database.revision()
     if current == head:
         return None
     return f"the database is at revision {current or 'none'}, this program needs {head}: run `casedrain db upgrade`"

@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Iterator
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -67,8 +68,6 @@ def test_a_replay_gives_the_verdict_to_the_last_digit(client: TestClient, tmp_pa
     (other / "expected.json").write_bytes(content)
     with pytest.raises(ValueError, match=r"not whole: expected.json is damaged"):
         replay(other)
-    from hashlib import sha256
-
     body = {**manifest, "issued_by": changed["software"]}
     body["files"] = {**body["files"], "expected.json": {"bytes": len(content), "sha256": sha256(content).hexdigest()}}
     (other / MANIFEST).write_bytes(sealed(body))
@@ -94,3 +93,17 @@ def test_the_commands(client: TestClient, tmp_path: Path, monkeypatch: pytest.Mo
 def test_differences_name_their_place() -> None:
     found = differences({"a": [1, {"b": 2}], "c": 3}, {"a": [1, {"b": 4}], "d": 5})
     assert [d["where"] for d in found] == ["a[1].b", "c", "d"]
+
+
+def test_the_api_hands_out_the_same_bundle_and_leaves_nothing_in_the_spool(client: TestClient, tmp_path: Path) -> None:
+    assert client.get(f"{API}/pumps/P-9/bundle").status_code == 404
+    answer = client.get(f"{API}/pumps/P-1/bundle?operator=south")
+    assert answer.status_code == 200
+    (tmp_path / "got.zip").write_bytes(answer.content)
+    assert replay(tmp_path / "got.zip").is_identical
+    assert list((tmp_path / "data" / "spool").iterdir()) == []
+    for file in (tmp_path / "data" / "raw").rglob("*"):
+        if file.is_file():
+            file.unlink()
+    assert client.get(f"{API}/pumps/P-1/bundle?operator=south").status_code == 503
+    assert list((tmp_path / "data" / "spool").iterdir()) == []
