@@ -9,6 +9,7 @@ _TENANCY, _SIGN_IN, _PLACES = (
     ("tests.service.test_sign_in",),
     ("tests.service.test_registry_placement",),
 )
+_CHAIN, _BACKUP = ("tests.service.test_audit_chain",), ("tests.service.test_backup",)
 _LIFE_CYCLE, _LAYERS_OF = "service.alarms.life_cycle", "service.thresholds.layers"
 
 
@@ -26,6 +27,14 @@ def _life(fragment: str, replacement: str) -> Mutant:
 
 def _ledger(fragment: str, replacement: str) -> Mutant:
     return Mutant("alarms", "service.alarms.ledger", fragment, replacement, _LEDGER, "sqlite")
+
+
+def _chain(module: str, fragment: str, replacement: str, select: str = "sqlite") -> Mutant:
+    return Mutant("evidence", module, fragment, replacement, _CHAIN, select)
+
+
+def _backup(module: str, fragment: str, replacement: str) -> Mutant:
+    return Mutant("evidence", f"service.keeping.{module}", fragment, replacement, _BACKUP, "not postgres")
 
 
 MUTANTS: tuple[Mutant, ...] = (
@@ -109,4 +118,13 @@ MUTANTS: tuple[Mutant, ...] = (
     _ledger('before["closed_at"] is None and after["closed_at"] is not None', "False"),
     _ledger('"active" if alarm.cleared_at is None else "cleared"', '"active"'),
     _ledger("if row.id not in held and row.withdrawn_at is None:", "if False:"),
+    _chain("service.storage.audit_chain", "{entry_id}\\n{content_hash}", "{entry_id}"),
+    _chain(
+        "service.storage.audit_chain", "if isinstance(value, float) and value.is_integer():", "if False:", "postgres"
+    ),
+    _chain("service.access.audit_proof", "if expected is not None and expected != stored:", "if False:"),
+    _chain("service.access.audit_proof", "if nearest >= 0 and position <= spans[nearest][1]:", "if True:"),
+    _backup("backup", "if any(digest not in still for digest in gaps):", "if False:"),
+    _backup("check", "now - written_at < IN_FLIGHT_S", "now - written_at < 1e12"),
+    _backup("restore", "if used and not force:", "if False:"),
 )

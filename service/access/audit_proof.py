@@ -67,17 +67,18 @@ def stored_proof(session: Session, operator: str | None = None) -> Iterator[dict
         .order_by(AuditLink.position)
         .execution_options(yield_per=_BATCH)
     )
-    for link, entry in session.execute(query):
+    for link, joined in session.execute(query):
+        entry: AuditEntry | None = joined
         line: dict[str, Any] = {
             "position": link.position,
             "entry_id": link.entry_id,
             "content_hash": link.content_hash,
             "link": link.link,
         }
-        shown = operator in (None, entry.operator) if entry is not None else False
-        if operator is not None and not shown:
-            line["withheld"] = True
-        yield line | {"salt": entry.salt if shown else None, "content": content_of(entry) if shown else None}
+        if entry is not None and operator in (None, entry.operator):
+            yield line | {"salt": entry.salt, "content": content_of(entry)}
+        else:
+            yield line | {"salt": None, "content": None} | ({"withheld": True} if operator is not None else {})
 
 
 def verify_database(database: Database, public_key: str | None, anchors: Iterable[Anchor]) -> Findings:

@@ -124,7 +124,7 @@ def _neighbours(session: Session, pump: Pump) -> list[int]:
 
 
 def _said_of(table: Table, operator: str) -> ColumnElement[bool]:
-    everybodys = table.c.operator.is_(None)
+    everybodys: ColumnElement[bool] = table.c.operator.is_(None)
     if table.name == ThresholdVersion.__tablename__:
         # the layer of an operator is nobody's by its column and names it as what it is about
         everybodys &= (table.c.scope != "operator") | (table.c.scope_id == operator)

@@ -137,8 +137,10 @@ class _Import:
         return row
 
     def _insert(self, stored: Table, kinds: dict[str, str], rows: list[dict[str, Any]]) -> None:
-        types = {AS_JSON: _JSON, INSTANT: UtcDateTime()}
-        columns = [column(n, types[k]) if k in types else column(n) for n, k in kinds.items() if n in rows[0]]
+        types: dict[str, Any] = {AS_JSON: _JSON, INSTANT: UtcDateTime()}
+        columns: list[Any] = [
+            column(n, types[k]) if k in types else column(n) for n, k in kinds.items() if n in rows[0]
+        ]
         self._session.execute(insert(table(stored.name, *columns)), rows)
 
 

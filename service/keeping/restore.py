@@ -33,6 +33,10 @@ from service.storage.raw_store import RawStore
 _TELLING = ("records", "pumps", "aircraft", "jobs", "users", "api_keys", "audit_entries", "audit_links", "deletions")
 """Tables whose rows say that a database is in use."""
 _RESTORING = ".restoring"
+_CLIENTS = (
+    "SELECT count(*) FROM pg_stat_activity "
+    "WHERE datname = current_database() AND pid <> pg_backend_pid() AND backend_type = 'client backend'"
+)
 
 
 def restore(settings: Settings, place: Path, *, force: bool = False) -> dict[str, Any]:
@@ -100,11 +104,12 @@ def _into_sqlite(source: Source, manifest: dict[str, Any], url: str) -> None:
             DBOS.migrate(engine_url)
             with _plain(engine_url) as connection:
                 _fill_engine(connection, source, manifest, None)
-        # the old files go with their logs: a log of another file would be played into the new one
-        _remove_sqlite(jobs)
+        _remove_logs(jobs)
         if new_jobs.exists():
             os.replace(new_jobs, jobs)
-        _remove_sqlite(final)
+        else:
+            jobs.unlink(missing_ok=True)
+        _remove_logs(final)
         os.replace(new, final)
     finally:
         for file in (new, new_jobs):
@@ -191,8 +196,7 @@ def _check_free(url: str, force: bool) -> None:
             used = [t for t in _TELLING if t in tables and _has_rows(connection, t)]
             others = 0
             if file is None:
-                query = "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() AND pid <> pg_backend_pid()"
-                others = int(connection.exec_driver_sql(query).scalar() or 0)
+                others = int(connection.exec_driver_sql(_CLIENTS).scalar() or 0)
     finally:
         database.close()
     if used and not force:
@@ -224,7 +228,13 @@ def _at_rest(file: Path) -> None:
 
 
 def _remove_sqlite(file: Path) -> None:
-    for suffix in ("-wal", "-shm", "-journal", ""):
+    _remove_logs(file)
+    file.unlink(missing_ok=True)
+
+
+def _remove_logs(file: Path) -> None:
+    """Remove what lies beside an SQLite file: a log of another file would be played into the one that takes its place."""
+    for suffix in ("-wal", "-shm", "-journal"):
         file.with_name(file.name + suffix).unlink(missing_ok=True)
 
 

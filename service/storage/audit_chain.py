@@ -105,10 +105,11 @@ def chain_noted(session: Session, key: AuditKey | None) -> None:
 
 def append(session: Session, entries: Sequence[AuditEntry], key: AuditKey | None) -> None:
     """Add links for entries that have their ids, and sign the new head; without a key it stays unsigned."""
+    hashes = [content_hash(entry.salt or "", content_of(entry)) for entry in entries]
+    # from here to the commit everybody else waits
     head = session.get_one(AuditHead, HEAD_ID, with_for_update=True)
     now = datetime.now(UTC)
-    for entry in entries:
-        hashed = content_hash(entry.salt or "", content_of(entry))
+    for entry, hashed in zip(entries, hashes, strict=True):
         head.count += 1
         head.link = link_hash(head.link, head.count, entry.id, hashed)
         session.add(AuditLink(position=head.count, entry_id=entry.id, content_hash=hashed, link=head.link))

@@ -20,7 +20,7 @@ from service.access.security import EVERYBODY
 from service.running import opened
 from service.settings import Settings
 from service.storage.audit_anchor import ANCHOR_FILE, Anchor, read_anchor
-from service.storage.audit_chain import append, first_link
+from service.storage.audit_chain import append, content_hash, content_of, first_link
 from service.storage.audit_key import KEY_FILE, AuditKey, is_signed
 from service.storage.database import Database, alembic_config, upgrade
 from service.storage.tables import AuditEntry, AuditHead, AuditLink, Backup
@@ -122,6 +122,17 @@ def test_what_was_reordered_is_found(database: Database, folder: Path) -> None:
     for before, after in ((3, 103), (4, 3), (103, 4)):
         execute(database, f"UPDATE audit_links SET position = {after} WHERE position = {before}")
     assert "link 3 does not follow" in verified(database, folder).faults[0]
+
+
+def test_an_entry_that_was_changed_with_its_hash_breaks_the_links(database: Database, folder: Path) -> None:
+    with database.writing() as session:
+        entry = session.get_one(AuditEntry, 5)
+        entry.actor = "nobody"
+        link = session.scalars(select(AuditLink).where(AuditLink.entry_id == 5)).one()
+        link.content_hash = content_hash(entry.salt or "", content_of(entry))
+    assert verified(database, folder).faults == [
+        "link 5 does not follow from the one before: it was changed or reordered"
+    ]
 
 
 def rewritten(database: Database, hacker: AuditKey | None) -> None:
