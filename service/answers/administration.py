@@ -144,7 +144,7 @@ class KeptBackup(TypedDict):
     made_at: Instant
     """When it was begun."""
     age_days: float
-    """Its age at the deletion (days)."""
+    """Its age at the deletion [days]."""
 
 
 @shape
@@ -166,7 +166,7 @@ class Receipt(TypedDict, total=False):
     raw_files_of_others: int
     """Number of raw files that others have sent as well, and that stay (a count)."""
     audit_links_erased: list[list[int]]
-    """Links of the audit log whose entries were erased with their salts: first and last position of each stretch."""
+    """Links of the audit log whose entries were erased with their salts: first and last position of each stretch (counts)."""
     backups: list[KeptBackup]
     """Backups that still hold the data, with their age."""
     sha256: str

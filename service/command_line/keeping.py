@@ -1,6 +1,8 @@
 """Commands of who keeps an installation: backup, restore, check, and the proof of the audit log."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,15 +40,12 @@ def backup(
 
     if (place is None) == (removed is None):
         raise failure("name the place of the backup, or --removed with the id of one that is no more", 2)
-    try:
-        with installation(Settings()) as kept:
-            if removed is not None:
-                forget_backup(kept, removed)
-            manifest: dict[str, Any] = {"removed": removed}
-            if place is not None:
-                manifest = make_backup(kept, place, with_gaps=with_gaps)
-    except ValueError as error:
-        raise failure(str(error)) from None
+    with _refusals(), installation(Settings()) as kept:
+        if removed is not None:
+            forget_backup(kept, removed)
+        manifest: dict[str, Any] = {"removed": removed}
+        if place is not None:
+            manifest = make_backup(kept, place, with_gaps=with_gaps)
     if json_:
         say_json(manifest)
     elif place is None:
@@ -73,10 +72,8 @@ def restore(
     from service.keeping.restore import restore as put_back  # noqa: PLC0415 - heavy, and only here
     from service.settings import Settings  # noqa: PLC0415
 
-    try:
+    with _refusals():
         manifest = put_back(Settings(), place, force=force)
-    except ValueError as error:
-        raise failure(str(error)) from None
     if json_:
         say_json(manifest)
     else:
@@ -96,14 +93,12 @@ def check(
     from service.keeping.installation import installation  # noqa: PLC0415
     from service.settings import Settings  # noqa: PLC0415
 
-    try:
+    with _refusals():
         if place is not None:
             found = check_backup(place)
         else:
             with installation(Settings()) as kept:
                 found = check_installation(kept)
-    except ValueError as error:
-        raise failure(str(error)) from None
     if json_:
         say_json(found.to_json())
     else:
@@ -130,21 +125,17 @@ def bundle(
     """
     from sqlalchemy import select  # noqa: PLC0415 - heavy, and only here
 
-    from service.errors import Problem  # noqa: PLC0415
     from service.keeping.bundle import make_bundle  # noqa: PLC0415
     from service.keeping.installation import installation  # noqa: PLC0415
     from service.settings import Settings  # noqa: PLC0415
     from service.storage.tables import Pump  # noqa: PLC0415
 
-    try:
-        with installation(Settings()) as kept:
-            with kept.database.reading() as session:
-                pump_id = session.scalar(select(Pump.id).where(Pump.serial == serial, Pump.operator == operator))
-            if pump_id is None:
-                raise ValueError(f"operator {operator} has no pump {serial}")
-            manifest = make_bundle(kept.database, kept.raw_store, pump_id, place)
-    except (ValueError, Problem) as error:
-        raise failure(str(error)) from None
+    with _refusals(), installation(Settings()) as kept:
+        with kept.database.reading() as session:
+            pump_id = session.scalar(select(Pump.id).where(Pump.serial == serial, Pump.operator == operator))
+        if pump_id is None:
+            raise ValueError(f"operator {operator} has no pump {serial}")
+        manifest = make_bundle(kept.database, kept.raw_store, pump_id, place)
     if json_:
         say_json(manifest)
     else:
@@ -161,13 +152,10 @@ def replay(
     With --json: {"identical", "pump", "operator", "issued_by", "replayed_by", "explanation", "differences": [{"where",
     "expected", "found"}], "expected", "verdict"}.
     """
-    from service.errors import Problem  # noqa: PLC0415 - heavy, and only here
     from service.keeping.replay import replay as replayed  # noqa: PLC0415
 
-    try:
+    with _refusals():
         done = replayed(place)
-    except (ValueError, Problem) as error:
-        raise failure(str(error)) from None
     told = done.to_json()
     if json_:
         say_json(told)
@@ -197,11 +185,8 @@ def import_operator(
     from service.keeping.operator_import import import_operator as taken_in  # noqa: PLC0415
     from service.settings import Settings  # noqa: PLC0415
 
-    try:
-        with installation(Settings()) as kept:
-            done = taken_in(kept.database, kept.raw_store, place, kept.database.revision() or "")
-    except ValueError as error:
-        raise failure(str(error)) from None
+    with _refusals(), installation(Settings()) as kept:
+        done = taken_in(kept.database, kept.raw_store, place, kept.database.revision() or "")
     if json_:
         say_json(done)
     else:
@@ -229,7 +214,7 @@ def verify_log(
     from service.settings import Settings  # noqa: PLC0415
     from service.storage.audit_anchor import anchor_from, move_anchor, read_anchor  # noqa: PLC0415
 
-    try:
+    with _refusals():
         anchors = [anchor_from(against.read_text(encoding="utf-8"))] if against else []
         if file is not None:
             with file.open(encoding="utf-8") as lines:
@@ -241,8 +226,6 @@ def verify_log(
                 found = verify_database(kept.database, public_key or kept.audit_key.public, anchors)
                 if not found.faults and found.head:
                     move_anchor(kept.database, found.head, kept.folder)
-    except ValueError as error:
-        raise failure(str(error)) from None
     _show(found, json_)
 
 
@@ -265,15 +248,13 @@ def export_log(
     partial = file.with_name(file.name + ".partial")
     n_lines, head = 0, None
     try:
-        with installation(Settings()) as kept:
+        with _refusals(), installation(Settings()) as kept:
             with kept.database.snapshot() as session, partial.open("w", encoding="utf-8") as to:
                 for line in stored_proof(session, operator):
                     head = line.get("head", head)
                     to.write(json.dumps(line) + "\n")
                     n_lines += 1
             partial.replace(file)
-    except ValueError as error:
-        raise failure(str(error)) from None
     finally:
         partial.unlink(missing_ok=True)
     public_key = head["public_key"] if head else ""
@@ -294,12 +275,9 @@ def show_head(json_: Json = False) -> None:
     from service.storage.audit_chain import HEAD_ID, head_of  # noqa: PLC0415
     from service.storage.tables import AuditHead  # noqa: PLC0415
 
-    try:
-        with installation(Settings()) as kept, kept.database.reading() as session:
-            row = session.get(AuditHead, HEAD_ID)
-            head = head_of(row).to_json() if row else None
-    except ValueError as error:
-        raise failure(str(error)) from None
+    with _refusals(), installation(Settings()) as kept, kept.database.reading() as session:
+        row = session.get(AuditHead, HEAD_ID)
+        head = head_of(row).to_json() if row else None
     if head is None:
         raise failure("the audit log has no head: it was taken away")
     if json_:
@@ -322,15 +300,27 @@ def adopt_entries(
     from service.keeping.installation import installation  # noqa: PLC0415
     from service.settings import Settings  # noqa: PLC0415
 
-    try:
-        with installation(Settings()) as kept, kept.database.writing() as session:
-            count = audit.adopt(session, AT_THE_MACHINE, reason)
-    except ValueError as error:
-        raise failure(str(error)) from None
+    with _refusals(), installation(Settings()) as kept, kept.database.writing() as session:
+        count = audit.adopt(session, AT_THE_MACHINE, reason)
     if json_:
         say_json({"adopted": count})
     else:
         say(f"{count} entries were chained.")
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """What is wrong with files, settings or the database is one sentence and exit code 1."""
+    from sqlalchemy.exc import DBAPIError  # noqa: PLC0415 - heavy, and no help needs it
+
+    from service.errors import Problem  # noqa: PLC0415
+
+    try:
+        yield
+    except (ValueError, Problem) as error:
+        raise failure(str(error)) from None
+    except DBAPIError as error:
+        raise failure(f"the database cannot be read or written: {error.orig}") from None
 
 
 def _show(found: "Findings", as_json: bool) -> None:

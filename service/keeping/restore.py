@@ -2,6 +2,7 @@
 
 import os
 import sqlite3
+import tempfile
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ from dbos import DBOS
 from sqlalchemy import Connection, MetaData, create_engine, inspect
 from sqlalchemy.engine import make_url
 
+from service.errors import Unavailable
 from service.jobs.engine import system_url
 from service.keeping.consistent import ENGINE_SCHEMA, engine_tables, engine_version
 from service.keeping.container import Source, parts_of, read
@@ -42,7 +44,7 @@ _CLIENTS = (
 def restore(settings: Settings, place: Path, *, force: bool = False) -> dict[str, Any]:
     """Put a backup back to where the settings point; gives its manifest.
 
-    Raw bytes go first, the database last and as a whole: an end in between leaves the database that was there.
+    Raw bytes go first, then the database as a whole, then key and anchor: after an end in between it is called again.
 
     Raises
     ------
@@ -60,14 +62,12 @@ def restore(settings: Settings, place: Path, *, force: bool = False) -> dict[str
         _check_free(url, force)
         store = RawStore(settings.effective_raw_store_url)
         for digest, _ in raw_files(source):
-            if not store.has(digest):
-                with source.open(raw_name(digest)) as file:
-                    store.put(file.read())
-        _keep_key(source, folder)
+            _put_back(source, store, digest, folder)
         if make_url(url).get_backend_name() == "sqlite":
             _into_sqlite(source, manifest, url)
         else:
             _into_postgres(source, manifest, url)
+        _keep_key(source, folder)
         head = manifest["audit"]
         keep_anchor(folder, Anchor(head["chain_id"], head["count"], head["link"]))
     return manifest
@@ -87,6 +87,23 @@ def fill_sqlite(source: Source, manifest: dict[str, Any], file: Path) -> None:
             connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
     finally:
         database.close()
+
+
+def _put_back(source: Source, store: RawStore, digest: str, folder: Path) -> None:
+    """Put raw bytes back where they are not, or are no longer what their name says."""
+    try:
+        for _ in store.chunks(digest):
+            pass
+    except Unavailable:
+        store.remove(digest)
+    else:
+        return
+    with tempfile.NamedTemporaryFile(dir=folder, prefix="restoring-") as held:
+        with source.open(raw_name(digest)) as file:
+            for part in parts_of(file):
+                held.write(part)
+        held.flush()
+        store.put_file(Path(held.name), digest)
 
 
 def _into_sqlite(source: Source, manifest: dict[str, Any], url: str) -> None:

@@ -173,11 +173,14 @@ def test_a_used_database_is_overwritten_only_by_force(kept: Installation, tmp_pa
         upload(client, flight(3, "P-3"))
         with pytest.raises(ValueError, match="stop it first"):
             restore(settings, tmp_path / "backup", force=True)
+    missing, damaged = raw_files_of(kept)[:2]
+    missing.unlink()
+    damaged.write_bytes(b"x")
     restore(settings, tmp_path / "backup", force=True)
     with opened_at(settings) as again:
         found = check_installation(again)
     assert found.faults == []
-    assert found.records == 2
+    assert (found.records, found.raw_files) == (2, 2)
 
 
 def test_a_check_names_every_fault_of_an_installation(kept: Installation) -> None:
@@ -339,6 +342,12 @@ def test_the_commands(kept: Installation, tmp_path: Path, monkeypatch: pytest.Mo
         connection.exec_driver_sql("UPDATE audit_entries SET action = 'x' WHERE id = 2")
     assert "entry 2 (link 2) was changed" in run("audit", "verify", code=1)
     assert "audit log: entry 2" in run("check", code=1)
+    file = kept.folder / "casedrain.sqlite"
+    content = bytearray(file.read_bytes())
+    content[4096:40960] = bytes(36864)
+    file.write_bytes(content)
+    for words in (["check"], ["backup", str(tmp_path / "never")], ["audit", "verify"]):
+        assert "database cannot be read" in run(*words, code=1)
     monkeypatch.setenv("CASEDRAIN_DATA_DIR", str(tmp_path / "nowhere"))
     for words in (["check"], ["backup", place], ["audit", "verify"], ["audit", "head"]):
         assert "no database at" in run(*words, code=1)

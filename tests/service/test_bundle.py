@@ -45,7 +45,15 @@ def client(database_url: str, tmp_path: Path) -> Iterator[TestClient]:
         yield running
 
 
-def test_a_replay_gives_the_verdict_to_the_last_digit(client: TestClient, tmp_path: Path) -> None:
+def test_a_replay_gives_the_verdict_to_the_last_digit(
+    client: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_hand(client, tmp_path)
+    by_command(client, tmp_path, monkeypatch)
+    by_the_api(client, tmp_path)
+
+
+def by_hand(client: TestClient, tmp_path: Path) -> None:
     context = client.app.state.context  # type: ignore[attr-defined]
     verdict = client.get(f"{API}/pumps/P-1/verdict?operator=north").json()
     with context.database.reading() as session:
@@ -76,7 +84,7 @@ def test_a_replay_gives_the_verdict_to_the_last_digit(client: TestClient, tmp_pa
     assert "issued by release 0.9.0, commit abc" in (done.explanation() or "")
 
 
-def test_the_commands(client: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def by_command(client: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     context = client.app.state.context  # type: ignore[attr-defined]
     monkeypatch.setenv("CASEDRAIN_DATA_DIR", str(context.settings.data_dir))
     monkeypatch.setenv("CASEDRAIN_DATABASE_URL", context.settings.database_url)
@@ -95,7 +103,8 @@ def test_differences_name_their_place() -> None:
     assert [d["where"] for d in found] == ["a[1].b", "c", "d"]
 
 
-def test_the_api_hands_out_the_same_bundle_and_leaves_nothing_in_the_spool(client: TestClient, tmp_path: Path) -> None:
+def by_the_api(client: TestClient, tmp_path: Path) -> None:
+    """The same bundle, and nothing is left in the spool, whether it could be made or not."""
     assert client.get(f"{API}/pumps/P-9/bundle").status_code == 404
     answer = client.get(f"{API}/pumps/P-1/bundle?operator=south")
     assert answer.status_code == 200
