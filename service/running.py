@@ -7,6 +7,8 @@ from service.ingest.parser_pool import ParserLimits, ParserPool
 from service.ingest.raw import Limits
 from service.monitoring.acceptance import Acceptance
 from service.settings import Settings
+from service.storage.audit_anchor import begin
+from service.storage.audit_key import AuditKey
 from service.storage.database import Database, pending_migration, upgrade
 from service.storage.raw_store import RawStore
 from service.storage.spool import Spool
@@ -20,19 +22,26 @@ def opened(settings: Settings) -> Context:
     Raises
     ------
     RuntimeError
-        when a Postgres database is behind, or when a folder or the raw store cannot be had; the words name the setting.
+        when a Postgres database is behind, when a folder or the raw store cannot be had, or when the key of the audit log is
+        none; the words name the setting.
     """
     try:
         settings.data_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RuntimeError(f"CASEDRAIN_DATA_DIR: {settings.data_dir} cannot be made: {error.strerror}") from None
-    database = Database(settings.effective_database_url)
+    audit_key = AuditKey(settings.audit_key.get_secret_value(), settings.data_dir.resolve())
+    database = Database(settings.effective_database_url, audit_key)
     behind = pending_migration(database)
     if behind is not None:
         if not database.is_sqlite:
             database.close()
             raise RuntimeError(behind)
         upgrade(settings.effective_database_url)
+    try:
+        begin(database, audit_key, settings.data_dir.resolve())
+    except ValueError as fault:
+        database.close()
+        raise RuntimeError(str(fault)) from None
     try:
         raw_store = RawStore(settings.effective_raw_store_url)
     except (ValueError, ImportError, OSError) as error:

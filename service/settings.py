@@ -55,6 +55,9 @@ class Settings(BaseSettings):
     worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
     """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""
 
+    audit_key: SecretStr = SecretStr("")
+    """Signs the head of the audit log, 64 hexadecimal digits; empty: a key of its own in the data folder."""
+
     @field_validator("database_url")
     @classmethod
     def _is_known_database(cls, url: str) -> str:

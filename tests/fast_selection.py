@@ -38,6 +38,8 @@ FAST = (
     "tests/service/test_api.py::TestPump",
     "tests/service/test_api.py::TestAuthentication",
     "tests/service/test_audit.py::test_filters_and_pages",
+    "tests/service/test_audit_chain.py::TestProof",
+    "tests/service/test_backup.py::test_a_used_database_is_overwritten_only_by_force",
     "tests/service/test_cli.py::test_analyse_gives_verdict_and_picture_without_a_server",
     "tests/service/test_cli.py::test_version_and_help",
     "tests/service/test_client.py",

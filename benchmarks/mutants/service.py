@@ -16,6 +16,7 @@ _PAGES, _FORMS, _FLEET_PAGE, _CHANNELS = (
     ("tests.service.test_fleet_page",),
     ("tests.service.test_record_pages",),
 )
+_CHAIN, _BACKUP = ("tests.service.test_audit_chain",), ("tests.service.test_backup",)
 _LIFE_CYCLE, _LAYERS_OF = "service.alarms.life_cycle", "service.thresholds.layers"
 
 
@@ -37,6 +38,14 @@ def _ledger(fragment: str, replacement: str) -> Mutant:
 
 def _mapping(module: str, fragment: str, replacement: str, tests: tuple[str, ...] = _LANGUAGE) -> Mutant:
     return Mutant("mappings", f"service.ingest.{module}", fragment, replacement, tests)
+
+
+def _chain(module: str, fragment: str, replacement: str, select: str = "sqlite") -> Mutant:
+    return Mutant("evidence", module, fragment, replacement, _CHAIN, select)
+
+
+def _backup(module: str, fragment: str, replacement: str) -> Mutant:
+    return Mutant("evidence", f"service.keeping.{module}", fragment, replacement, _BACKUP, "not postgres")
 
 
 MUTANTS: tuple[Mutant, ...] = (
@@ -142,4 +151,13 @@ MUTANTS: tuple[Mutant, ...] = (
     Mutant(
         "pages", "service.web.dashboard.links", 'is_ours = wanted.startswith("/")', "is_ours = True", _PAGES, "sign"
     ),
+    _chain("service.storage.audit_chain", "{entry_id}\\n{content_hash}", "{entry_id}"),
+    _chain(
+        "service.storage.audit_chain", "if isinstance(value, float) and value.is_integer():", "if False:", "postgres"
+    ),
+    _chain("service.access.audit_proof", "if expected is not None and expected != stored:", "if False:"),
+    _chain("service.access.audit_proof", "if nearest >= 0 and position <= spans[nearest][1]:", "if True:"),
+    _backup("backup", "if any(digest not in still for digest in gaps):", "if False:"),
+    _backup("check", "now - written_at < IN_FLIGHT_S", "now - written_at < 1e12"),
+    _backup("restore", "if used and not force:", "if False:"),
 )

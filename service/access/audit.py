@@ -1,14 +1,20 @@
-"""The audit log: every change says who made it, in the transaction that makes it."""
+"""The audit log: every change says who made it, in the transaction that makes it, whose commit chains it."""
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import Select, select
+from sqlalchemy import Select, delete, exists, select
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
-from service.storage.tables import AuditEntry
+from service.storage.audit_chain import NOTED, new_salt
+from service.storage.tables import AuditEntry, AuditLink
+
+DELETION = "operator.delete"
+ERASED = "erased"
+"""Detail of a deletion's entry: spans of positions whose entries it erased."""
+_BATCH = 500
 
 
 def note(
@@ -32,17 +38,48 @@ def note(
     details
         JSON values that help whoever reads this in a year. Never a secret.
     """
-    session.add(
-        AuditEntry(
-            at=datetime.now(UTC),
-            actor=principal.owner,
-            role=principal.role,
-            operator=operator,
-            action=action,
-            subject=subject,
-            details=dict(details or {}),
-        )
+    entry = AuditEntry(
+        at=datetime.now(UTC),
+        actor=principal.owner,
+        role=principal.role,
+        operator=operator,
+        action=action,
+        subject=subject,
+        details=dict(details or {}),
+        salt=new_salt(),
     )
+    session.add(entry)
+    session.info.setdefault(NOTED, []).append(entry)
+
+
+def erase(session: Session, operator: str) -> list[list[int]]:
+    """Erase an operator's entries with their salts: first and last positions of the links that stay behind.
+
+    An entry that says so, in its ``details`` under ``erased``, is what the proof of the log accepts for them.
+    """
+    gone = delete(AuditEntry).where(AuditEntry.operator == operator).returning(AuditEntry.id)
+    ids = sorted(session.scalars(gone))
+    spans: list[list[int]] = []
+    for start in range(0, len(ids), _BATCH):
+        found = select(AuditLink.position).where(AuditLink.entry_id.in_(ids[start : start + _BATCH]))
+        for position in session.scalars(found.order_by(AuditLink.position)):
+            if spans and spans[-1][1] == position - 1:
+                spans[-1][1] = position
+            else:
+                spans.append([position, position])
+    return spans
+
+
+def adopt(session: Session, principal: Principal, reason: str) -> int:
+    """Chain the entries that a release before the chain has written beside it: how many; an entry says so."""
+    beside = ~exists().where(AuditLink.entry_id == AuditEntry.id)
+    found = list(session.scalars(select(AuditEntry).where(beside).order_by(AuditEntry.id)))
+    for entry in found:
+        entry.salt = entry.salt or new_salt()
+    session.info.setdefault(NOTED, []).extend(found)
+    if found:
+        note(session, principal, "audit.adopt", "audit", None, {"entries": [e.id for e in found], "reason": reason})
+    return len(found)
 
 
 def entries(

@@ -136,6 +136,18 @@ class Operator(TypedDict):
 
 
 @shape
+class KeptBackup(TypedDict):
+    """A backup that was made before the deletion and that nobody has said to be gone: it still holds the data."""
+
+    id: str
+    """Id of the backup."""
+    made_at: Instant
+    """When it was begun."""
+    age_days: float
+    """Its age at the deletion [days]."""
+
+
+@shape
 class Receipt(TypedDict, total=False):
     """Proof of a deletion; empty until it is finished."""
 
@@ -153,6 +165,10 @@ class Receipt(TypedDict, total=False):
     """Hashes of the raw bytes that were removed."""
     raw_files_of_others: int
     """Number of raw files that others have sent as well, and that stay (a count)."""
+    audit_links_erased: list[list[int]]
+    """Links of the audit log whose entries were erased with their salts: first and last position of each stretch (counts)."""
+    backups: list[KeptBackup]
+    """Backups that still hold the data, with their age."""
     sha256: str
     """SHA-256 of the receipt without this member, as canonical JSON."""
 

@@ -12,6 +12,8 @@ from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
 from service.command_line.failures import WRONG_SETTING
 from service.command_line.inbox import app as inbox
+from service.command_line.keeping import app as keeping
+from service.command_line.keeping import audit_app
 from service.command_line.mapping import app as mapping_app
 from service.command_line.mapping_options import (
     MappingOption,
@@ -35,6 +37,8 @@ app = typer.Typer(
 app.add_typer(studies)
 app.add_typer(mapping_app)
 app.add_typer(inbox)
+app.add_typer(keeping)
+app.add_typer(audit_app, name="audit")
 app.add_typer(keys_app, name="keys")
 app.add_typer(users_app, name="users")
 app.add_typer(db_app, name="db")

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import uuid
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any, cast
 
 from sqlalchemy import CursorResult, delete, select
@@ -21,7 +21,7 @@ from service.registry.raw_bytes import archive_digests, document_digests, needs_
 from service.storage.database import Database
 from service.storage.failures import passing_failures
 from service.storage.raw_store import RawStore
-from service.storage.tables import Deletion, FailedSignIn, Job, Record, User
+from service.storage.tables import AuditEntry, Backup, Deletion, FailedSignIn, Job, Record, User
 from service.thresholds.pins import keep_counter
 
 
@@ -81,8 +81,11 @@ def _delete_rows(session: Session, operator: str, asker: Principal, reason: str)
     names = select(User.name).where(User.operator == operator)
     hashes = [name_hash(name) for name in session.scalars(names)]
     session.execute(delete(FailedSignIn).where(FailedSignIn.name_hash.in_(hashes)))
-    counts = {}
+    erased = audit.erase(session, operator)
+    counts = {AuditEntry.__tablename__: sum(last - first + 1 for first, last in erased)}
     for name, table in reversed(owned_tables().items()):
+        if name in counts:
+            continue
         gone = cast("CursorResult[Any]", session.execute(delete(table).where(rows_of(table, operator))))
         counts[name] = gone.rowcount
     row = Deletion(
@@ -92,12 +95,13 @@ def _delete_rows(session: Session, operator: str, asker: Principal, reason: str)
         reason=reason,
         started_at=datetime.now(UTC),
         finished_at=None,
-        pending={"digests": digests, "rows": counts},
+        pending={"digests": digests, "rows": counts, "erased": erased},
         receipt={},
     )
     session.add(row)
     # the operator's own log goes with its data; this entry stays with those who see everybody
-    audit.note(session, asker, "operator.delete", f"operator/{operator}", None, {"reason": reason, "rows": counts})
+    details = {"reason": reason, "rows": counts, audit.ERASED: erased}
+    audit.note(session, asker, audit.DELETION, f"operator/{operator}", None, details)
     session.flush()
     return row
 
@@ -105,6 +109,7 @@ def _delete_rows(session: Session, operator: str, asker: Principal, reason: str)
 def _finish(database: Database, raw_store: RawStore, deletion_id: str) -> Deletion:
     with database.reading() as session:
         row = session.get_one(Deletion, deletion_id)
+        backups = _backups(session, row.started_at)
     removed, shared = [], []
     for digest in row.pending["digests"]:
         if _is_needed(database, digest):
@@ -122,12 +127,27 @@ def _finish(database: Database, raw_store: RawStore, deletion_id: str) -> Deleti
         "rows": row.pending["rows"],
         "raw_files_removed": removed,
         "raw_files_of_others": len(shared),
+        "audit_links_erased": row.pending.get("erased", []),
+        "backups": backups,
     }
     receipt["sha256"] = receipt_hash(receipt)
     with database.writing() as session:
         row = session.get_one(Deletion, deletion_id)
         row.finished_at, row.receipt, row.pending = datetime.now(UTC), receipt, {}
     return row
+
+
+def _backups(session: Session, at: datetime) -> list[answers.KeptBackup]:
+    """Backups from before the deletion that nobody has said to be gone."""
+    query = select(Backup).where(Backup.started_at <= at, Backup.removed_at.is_(None)).order_by(Backup.started_at)
+    return [
+        {
+            "id": backup.id,
+            "made_at": instant(backup.started_at),
+            "age_days": round((at - backup.started_at) / timedelta(days=1), 2),
+        }
+        for backup in session.scalars(query)
+    ]
 
 
 def _remove(database: Database, raw_store: RawStore, digest: str) -> None:

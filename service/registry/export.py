@@ -1,5 +1,7 @@
 """Everything that belongs to an operator as one ZIP: rows as JSON lines, raw bytes as they came."""
 
+import base64
+import hashlib
 import io
 import json
 import zipfile
@@ -10,12 +12,15 @@ from typing import Any
 from sqlalchemy import Table, select
 
 from service.errors import Unavailable
+from service.identity import software
 from service.registry.ownership import owned_tables, rows_of
 from service.storage.database import Database
 from service.storage.raw_store import RawStore
 
 _SECRET_COLUMNS = frozenset({"key_hash", "password_hash", "token_hash", "csrf_token", "secret"})
 """Never leave the database, not even for their owner."""
+EXPORT = "casedrain export 1"
+MANIFEST = "manifest.json"
 _BATCH = 200
 """Rows that a stream fetches at once (our choice)."""
 
@@ -43,19 +48,25 @@ class _Drain(io.RawIOBase):
 def export_stream(database: Database, raw_store: RawStore, operator: str) -> Iterator[bytes]:
     """Bytes of the ZIP, one row batch and one raw file in memory at a time.
 
-    ``tables/<name>.jsonl`` holds one row a line, ``raw/<sha256>`` the uploads. Raw bytes that are no longer there
+    ``tables/<name>.jsonl`` holds one row a line, ``raw/<sha256>`` the uploads, ``manifest.json`` at the end the hash of
+    each table's file: `casedrain import-operator` takes it in. Raw bytes that are no longer there
     (retention, damage) are listed in ``missing.txt``.
     """
     drain = _Drain()
     digests: dict[str, None] = {}
     missing: list[str] = []
+    sums: dict[str, str] = {}
     with zipfile.ZipFile(drain, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, table in owned_tables().items():
+            hashed = hashlib.sha256()
             with archive.open(f"tables/{name}.jsonl", "w", force_zip64=True) as file:
                 for row in _rows(database, table, operator):
                     digests |= {row["content_hash"]: None} if name == "records" else {}
-                    file.write(json.dumps(row, default=_as_json).encode() + b"\n")
+                    line = json.dumps(row, default=_as_json).encode() + b"\n"
+                    hashed.update(line)
+                    file.write(line)
                     yield drain.fresh_bytes()
+            sums[name] = hashed.hexdigest()
         for digest in digests:
             try:
                 content = raw_store.get(digest)
@@ -66,7 +77,19 @@ def export_stream(database: Database, raw_store: RawStore, operator: str) -> Ite
             yield drain.fresh_bytes()
         if missing:
             archive.writestr("missing.txt", "\n".join(missing) + "\n")
+        archive.writestr(MANIFEST, json.dumps(_manifest(database, operator, sums), indent=1))
     yield drain.fresh_bytes()
+
+
+def _manifest(database: Database, operator: str, sums: dict[str, str]) -> dict[str, Any]:
+    return {
+        "format": EXPORT,
+        "operator": operator,
+        "made_at": datetime.now(UTC).isoformat(),
+        "software": software().to_json(),
+        "revision": database.revision(),
+        "tables": sums,
+    }
 
 
 def _rows(database: Database, table: Table, operator: str) -> Iterator[dict[str, Any]]:
@@ -78,4 +101,6 @@ def _rows(database: Database, table: Table, operator: str) -> Iterator[dict[str,
 
 
 def _as_json(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode("ascii")
     return value.astimezone(UTC).isoformat() if isinstance(value, datetime) else str(value)

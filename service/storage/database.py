@@ -16,6 +16,8 @@ from sqlalchemy.orm import Session, sessionmaker
 
 import service
 from service.errors import Invalid
+from service.storage.audit_chain import chain_noted
+from service.storage.audit_key import AuditKey
 from service.storage.failures import UNSTORABLE
 
 _CONNECT_TIMEOUT_S = 5
@@ -30,11 +32,12 @@ _LOCK_TIMEOUT_MS = 30_000
 class Database:
     """One engine with sessions for reading and for writing."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, audit_key: AuditKey | None = None) -> None:
         self.url = url
         self.engine = _engine(url)
         self._reading = sessionmaker(self.engine, expire_on_commit=False)
         self._writing = sessionmaker(self.engine.execution_options(writes=True), expire_on_commit=False)
+        event.listen(self._writing, "before_commit", lambda session: chain_noted(session, audit_key))
 
     @property
     def is_sqlite(self) -> bool:
@@ -57,6 +60,19 @@ class Database:
         """Session whose block is one transaction: committed at the end, rolled back on any error."""
         with self._writing.begin() as session:
             yield session
+
+    @contextmanager
+    def snapshot(self) -> Iterator[Session]:
+        """Session for reading all of its queries from one state of the database."""
+        with self._reading() as session:
+            if not self.is_sqlite:  # where a transaction that reads is one state anyway
+                session.connection(execution_options={"isolation_level": "REPEATABLE READ"})
+            yield session
+
+    def revision(self) -> str | None:
+        """Revision of the schema that the database is at."""
+        with self.engine.connect() as connection:
+            return MigrationContext.configure(connection).get_current_revision()
 
     def ping(self) -> None:
         """Ask the database for one row; raises what the driver raises."""
@@ -151,12 +167,12 @@ def alembic_config(url: str) -> Config:
     return config
 
 
-def upgrade(url: str) -> None:
-    """Bring a database to the newest schema; safe to call again, and at the same time: one waits for the other."""
+def upgrade(url: str, revision: str = "head") -> None:
+    """Bring a database to the newest schema, or to an older one; safe to call again, and at the same time: one waits."""
     engine = _engine(url)  # makes the folder of an SQLite file
     try:
         with _alone(engine):
-            command.upgrade(alembic_config(url), "head")
+            command.upgrade(alembic_config(url), revision)
     finally:
         engine.dispose()
 
@@ -186,8 +202,7 @@ def _alone(engine: Engine) -> Iterator[None]:
 def pending_migration(database: Database) -> str | None:
     """Sentence that says how far the schema is behind; None when it is current."""
     head = ScriptDirectory.from_config(alembic_config(database.url)).get_current_head()
-    with database.engine.connect() as connection:
-        current = MigrationContext.configure(connection).get_current_revision()
+    current = database.revision()
     if current == head:
         return None
     return f"the database is at revision {current or 'none'}, this program needs {head}: run `casedrain db upgrade`"

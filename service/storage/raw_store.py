@@ -124,6 +124,16 @@ class RawStore:
             return False
         return True
 
+    def has(self, digest: str) -> bool:
+        """True when bytes of that name are there; whether they are whole only reading tells."""
+        return bool(self._files.exists(self._path(digest)))
+
+    def files(self) -> Iterator[tuple[str, float | None]]:
+        """Everything in the store: its path below the root, and when it was written [s since 1970] where that is known."""
+        found = self._files.find(self._root, detail=True)
+        for path, about in found.items():
+            yield path[len(self._root) :].strip("/"), about.get("mtime")
+
     def ping(self) -> None:
         """Write and read back a few bytes; raises what the store raises."""
         path = f"{self._root}/.probe-{uuid.uuid4().hex}"

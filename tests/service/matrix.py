@@ -227,6 +227,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ),
     ("DELETE", f"{API}/webhooks/{{webhook_id}}"): Entry("admin", f"{API}/webhooks/{{webhook}}", True),
     ("GET", f"{API}/audit"): Entry("admin", f"{API}/audit"),
+    ("GET", f"{API}/audit/export"): Entry("admin", f"{API}/audit/export"),
+    ("GET", f"{API}/pumps/{{serial}}/bundle"): Entry("engineer", f"{API}/pumps/{{pump}}/bundle", True),
     ("POST", f"{API}/twin/operating-point"): Entry("viewer", f"{API}/twin/operating-point", body=_POINT),
     ("POST", f"{API}/twin/isolability"): Entry("viewer", f"{API}/twin/isolability", body={"flights": 10}),
     ("POST", f"{API}/twin/simulation"): Entry("viewer", f"{API}/twin/simulation", body=_RUN),

@@ -1,11 +1,13 @@
 """The audit log: what is in it, who sees it, how it is asked."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from fastapi.testclient import TestClient
 
+from service.access.audit_proof import verify
 from tests.service.guarded import guarded_client, key
 from tests.service.records import body
 
@@ -94,3 +96,13 @@ def test_a_refused_or_repeated_change_leaves_no_entry(guarded: TestClient, root:
 def test_only_admins_read_it(guarded: TestClient, role: str) -> None:
     assert guarded.get(AUDIT).status_code == 401
     assert guarded.get(AUDIT, headers=key(guarded, role)).status_code == 403
+
+
+def test_the_export_proves_the_log_and_shows_an_operator_its_own(guarded: TestClient, root: dict[str, str]) -> None:
+    for headers, withheld in ((root, 0), (key(guarded, "admin", "north"), 3)):
+        answer = guarded.get(f"{AUDIT}/export", headers=headers)
+        assert answer.status_code == 200
+        assert answer.headers["content-type"].startswith("application/x-ndjson")
+        found = verify([json.loads(line) for line in answer.text.splitlines()], None)
+        assert (found.faults, found.links, found.withheld) == ([], 5, withheld)
+        assert ("south" in answer.text) == (withheld == 0)

@@ -2,7 +2,8 @@
 
 from service.storage.tables.access import ApiKey, FailedSignIn, SignedIn, User
 from service.storage.tables.alarms import Alarm, AlarmAction, Delivery, Message, Webhook
-from service.storage.tables.audit import AuditEntry
+from service.storage.tables.audit import AuditEntry, AuditHead, AuditLink
+from service.storage.tables.backups import Backup
 from service.storage.tables.base import Base, UtcDateTime
 from service.storage.tables.history import (
     Entry,
@@ -50,6 +51,9 @@ __all__ = [
     "AlarmAction",
     "ApiKey",
     "AuditEntry",
+    "AuditHead",
+    "AuditLink",
+    "Backup",
     "Base",
     "Deletion",
     "Delivery",
