@@ -147,14 +147,15 @@ def validate(
     ] = None,
     only: Annotated[list[str] | None, typer.Option(help="Only this comparison; may be repeated")] = None,
 ) -> None:
-    """Compare the twin with published evidence; exit code 1 if a row that validates is not met.
+    """Compare the twin with published evidence; exit code 1 if a row is missed that is not known to be.
 
-    The JSON: [{"evidence", "quantity", "unit", "reference", "value", "tolerance", "within", "fitted"}]; what is no
-    number is null.
+    The JSON: [{"evidence", "quantity", "unit", "reference", "value", "tolerance", "within", "fitted", "class", "known_miss",
+    "note"}]; what is no number is null. The class is independent (nothing was fitted to it), fitted or plausible (a sign,
+    an order of events, an own baseline); rows that only state have within null and are counted in none.
     """
     from rich.progress import track  # noqa: PLC0415
 
-    from service.studies.validation.report import counts_of, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
+    from service.studies.validation.report import counts_of, news, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
     from twin.validation.catalogue import EVIDENCE  # noqa: PLC0415
 
     unknown = [name for name in only or () if name not in EVIDENCE]
@@ -167,11 +168,10 @@ def validate(
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(report_html(found), encoding="utf-8")
     _write(json_, json.dumps(rows_json(found), indent=1) + "\n")
-    words = f"{counts.met} rows met, {counts.not_met} not met; fitted: {counts.fitted_met} met, "
-    say(f"{words}{counts.fitted_not_met} not met; {counts.stated} only stated", to=to)
+    say(counts.sentence, to=to)
     say(f"Report: {output}", to=to)
-    if counts.not_met:
-        missed = [row.quantity for e in found.values() for row in e.rows if row.within is False and not row.fitted]
+    missed = news(found)
+    if missed:
         raise failure(f"not met: {'; '.join(missed)}")
 
 
