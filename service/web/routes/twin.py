@@ -12,7 +12,7 @@ from service.pump_types.parameter_sets import asked_type
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
-from twin.operating_point import operating_points, problem
+from twin.operating_point import operating_points, outside, problem
 from twin.pumps import circuit_parameters
 from twin.pumps.fluids import with_fluid
 
@@ -66,7 +66,7 @@ class OperatingPointRequest(BaseModel):
 
 @router.post("/operating-point", summary="Steady states of the twin")
 def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> answers.OperatingPoints:
-    """Solve every condition; one without a solution gets a problem in its place."""
+    """Solve every condition; one without a solution gets a problem in its place, one outside what was validated says so."""
     with context.database.reading() as session:
         kind = asked_type(session, asker.operator, body.pump_type, "pump_type")
     items: list[answers.OperatingPoint] = [{} for _ in body.conditions]
@@ -79,14 +79,17 @@ def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> answ
             for c in asked
         ]
         healths = [Health(**c.health.model_dump()) for c in asked]
-        pump = with_fluid(kind, fluid).pump
-        points = operating_points(pump, input_rows(conditions, healths), circuit_parameters(circuit), derivatives=True)
+        filled = with_fluid(kind, fluid)
+        points = operating_points(
+            filled.pump, input_rows(conditions, healths), circuit_parameters(circuit), derivatives=True
+        )
+        beyond = outside(filled, points)
         for k, place in enumerate(places):
-            items[place] = _item(points, k)
+            items[place] = _item(points, k, beyond[k])
     return {"items": items}
 
 
-def _item(points: OperatingPoints, k: int) -> answers.OperatingPoint:
+def _item(points: OperatingPoints, k: int, beyond: tuple[str, ...]) -> answers.OperatingPoint:
     fault = problem(points, k)
     if fault is not None or points.derivatives is None:
         return {"error": Invalid(fault or "no derivatives").body()}
@@ -96,4 +99,5 @@ def _item(points: OperatingPoints, k: int) -> answers.OperatingPoint:
     derivatives = {
         output: dict(zip(inputs, points.derivatives[k, i].tolist(), strict=True)) for i, output in enumerate(OUTPUTS)
     }
-    return cast("answers.OperatingPoint", values | {"leakage_lpm": leakage, "derivatives": derivatives})
+    found = values | {"leakage_lpm": leakage, "derivatives": derivatives}
+    return cast("answers.OperatingPoint", found | ({"outside": list(beyond)} if beyond else {}))
