@@ -65,23 +65,27 @@ def identify(
     points: Annotated[Path, typer.Argument(help="Test-bench points: CSV", exists=True, dir_okay=False)],
     output: Annotated[Path, typer.Option(help="Parameter set to write: .toml", dir_okay=False)],
     id_: Annotated[str, typer.Option("--id", help="Name of the new pump type")],
-    pump: Annotated[str, typer.Option(help="Pump type to start from")] = "h225",
+    pump: Annotated[str, typer.Option(help="Pump type to start from: its name, or a parameter file")] = "h225",
     circuit: Annotated[str, typer.Option(help="Circuit that the pump ran in")] = "acceptance_stand",
+    keep_misfit: Annotated[bool, typer.Option(help="Write the set although it does not explain the points")] = False,
     free: Annotated[list[str] | None, typer.Option(help="Number to find, e.g. slipper.h; may be repeated")] = None,
     json_: Annotated[
         Path | None, typer.Option("--json", help="Also write all numbers: JSON; - is standard output", dir_okay=False)
     ] = None,
 ) -> None:
-    """Calibrate a pump type from test-bench points; exit code 1 if they determine none of its numbers, 2 if wrong.
+    """Calibrate a pump type from test-bench points: its most probable numbers, and which of them the prior decides.
 
+    Exit code 1 if no pump of the type explains the points (p < 0.01) or they determine none of its numbers: then
+    nothing is written; 2 if the file or an option is wrong.
     The JSON: {"pump_type", "circuit", "estimates", "undetermined", "covariance", "correlation", "residuals",
-    "chi_square", "degrees_of_freedom", "p_value", "warnings"}; an estimate has its path, unit, start, value, low and high.
+    "chi_square", "degrees_of_freedom", "p_value", "misfit", "warnings"}; an estimate has its path, unit, start, value, low,
+    high, its prior with prior_source and prior_share, and decided_by (points or prior).
     """
     from service.studies.bench_points import PointFaultsError  # noqa: PLC0415 - heavy, and only here
     from service.studies.identification import identified  # noqa: PLC0415
 
     try:
-        found = identified(points, output, id_, pump, circuit, free)
+        found = identified(points, output, id_, pump, circuit, free, keep_misfit)
     except PointFaultsError as error:
         raise failure(f"{points} has {len(error.faults)} fault(s)\n  " + "\n  ".join(error.faults), 2) from None
     except (ValueError, OSError) as error:
@@ -91,8 +95,8 @@ def identify(
     for line in found.remarks:
         say(line, to=to)
     _write(json_, found.json)
-    if not found.written:
-        raise failure("the points determine no number of the pump; nothing was written")
+    if found.fault is not None:
+        raise failure(found.fault)
     say(f"Parameter set: {output}", to=to)
 
 

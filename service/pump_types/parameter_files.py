@@ -8,7 +8,7 @@ from typing import Any
 
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
-from twin.pumps.written import ParameterFaultsError, pump_type_from
+from twin.pumps.written import ParameterFaultsError, document_of, pump_type_from
 
 
 def named_or_written(text: str) -> PumpType:
@@ -45,6 +45,22 @@ def derived_toml(document: Mapping[str, Any], remarks: tuple[str, ...] = ()) -> 
     for path, quantity in document["changes"].items():
         lines += ["", f'[changes."{path}"]', *(f"{name} = {_value(value)}" for name, value in quantity.items())]
     return "\n".join(lines) + "\n"
+
+
+def whole_toml(kind: PumpType, remarks: tuple[str, ...] = ()) -> str:
+    """A whole parameter set as TOML, remarks first as comments, one line per quantity."""
+    document = document_of(kind)
+    lines = [f"# {remark}" for remark in remarks]
+    lines += [f"{name} = {_value(value)}" for name, value in document.items() if not isinstance(value, Mapping)]
+    for group, entries in ((name, value) for name, value in document.items() if isinstance(value, Mapping)):
+        lines += ["", f"[{group}]"]
+        lines += [f"{_value(path)} = {_inline(entry)}" for path, entry in entries.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _inline(entry: Mapping[str, Any]) -> str:
+    pairs = (f"{name} = {_value(value)}" for name, value in entry.items() if value is not None)
+    return f"{{ {', '.join(pairs)} }}"
 
 
 def _value(value: Any) -> str:

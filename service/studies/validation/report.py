@@ -65,7 +65,8 @@ def counts_of(evidence: Mapping[str, Evidence]) -> Counts:
         judged = [row.within for row in rows if row.evidence_class == of and row.within is not None]
         return Count(sum(judged), len(judged))
 
-    return Counts(*(count(of) for of in CLASSES), stated=sum(row.within is None for row in rows))
+    independent, fitted, plausible = (count(of) for of in CLASSES)
+    return Counts(independent, fitted, plausible, sum(row.within is None for row in rows))
 
 
 def news(evidence: Mapping[str, Evidence]) -> list[str]:
