@@ -10,6 +10,7 @@ from service.command_line.administration import db_app, keys_app, users_app
 from service.command_line.analysed import analysed_pump, refusal, safe_name, show_pump, show_refusal
 from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
+from service.command_line.pump import pump_app
 from service.command_line.studies import app as studies
 
 app = typer.Typer(
@@ -23,6 +24,7 @@ app.add_typer(studies)
 app.add_typer(keys_app, name="keys")
 app.add_typer(users_app, name="users")
 app.add_typer(db_app, name="db")
+app.add_typer(pump_app, name="pump")
 
 Files = Annotated[
     list[Path], typer.Argument(help="Flight records: CSV, gzipped CSV, JSON", exists=True, dir_okay=False)
