@@ -22,7 +22,7 @@ def simulate(
     output: Annotated[Path, typer.Option(help="Flight record to write: .parquet or .csv")],
     picture: Annotated[Path | None, typer.Option(help="Picture to draw: .svg or .png")] = None,
     pump: Annotated[str, typer.Option(help="Pump type: a name, or a .toml or .json file")] = "h225",
-    circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
     sensors: Annotated[str, typer.Option(help="none (the truth), helicopter or test_bench")] = "none",
     seed: Annotated[int, typer.Option(min=0, help="Another seed is other chance in the sensors")] = 1,
     json_: Json = False,
@@ -182,7 +182,7 @@ def validate(
 @app.command(cls=Command)
 def isolability(
     pump: Annotated[str, typer.Option(help="Pump type")] = "h225",
-    circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
     flights: Annotated[int, typer.Option(help="Flights with the fault")] = 30,
     baseline_flights: Annotated[int, typer.Option(help="Healthy flights before it")] = 30,
     windows: Annotated[int, typer.Option(help="Zero-flow windows per flight")] = 1,

@@ -4,6 +4,7 @@ from service.storage.tables.access import ApiKey, FailedSignIn, SignedIn, User
 from service.storage.tables.alarms import Alarm, AlarmAction, Delivery, Message, Webhook
 from service.storage.tables.audit import AuditEntry
 from service.storage.tables.base import Base, UtcDateTime
+from service.storage.tables.circuits import StoredCircuit
 from service.storage.tables.history import Entry, Finding, Installation, MaintenanceEvent, VerdictRevision
 from service.storage.tables.jobs import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
 from service.storage.tables.mappings import StoredMapping
@@ -63,6 +64,7 @@ __all__ = [
     "RegistryVersion",
     "SignedIn",
     "StoredAssessment",
+    "StoredCircuit",
     "StoredMapping",
     "StoredPumpType",
     "ThresholdPin",
