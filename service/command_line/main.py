@@ -12,6 +12,7 @@ from service.command_line.command import Command, Commands, tell_version
 from service.command_line.console import Json, complaints, failure, listener, say, say_json
 from service.command_line.pump import pump_app
 from service.command_line.studies import app as studies
+from service.command_line.twin_studies import app as twin_studies
 
 app = typer.Typer(
     cls=Commands,
@@ -21,6 +22,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.add_typer(studies)
+app.add_typer(twin_studies)
 app.add_typer(keys_app, name="keys")
 app.add_typer(users_app, name="users")
 app.add_typer(db_app, name="db")

@@ -109,10 +109,17 @@ def _best(problem: Problem) -> tuple[NDArray[np.float64], float, list[str]]:
 def _fitted(problem: Problem, start: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     identity = np.eye(len(start))
     bounds = (np.array([p.low for p in problem.parameters]), np.array([p.high for p in problem.parameters]))
+
+    def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.concatenate([problem.residuals(x), x])
+
+    def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.vstack([problem.jacobian(x), identity])
+
     found = least_squares(
-        lambda x: np.concatenate([problem.residuals(x), x]),
+        residuals,
         np.clip(start, bounds[0] + 1.0e-6, bounds[1] - 1.0e-6),
-        lambda x: np.vstack([problem.jacobian(x), identity]),
+        jacobian,
         bounds=bounds,
         xtol=1e-6,
         ftol=1e-8,
@@ -128,7 +135,7 @@ def _result(
     freedom = len(normalised)
     p_value = float(chi2.sf(chi_square, freedom))
     jacobian = problem.jacobian(offsets)
-    left = np.linalg.inv(jacobian.T @ jacobian + np.eye(len(offsets)))
+    left: NDArray[np.float64] = np.linalg.inv(jacobian.T @ jacobian + np.eye(len(offsets)))
     deviations = np.sqrt(np.diag(left))
     correlation = left / np.outer(deviations, deviations)
     to_unit = np.array([p.slope(float(x)) / p.per_unit for p, x in zip(problem.parameters, offsets, strict=True)])

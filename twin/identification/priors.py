@@ -39,7 +39,7 @@ def prior_of(kind: PumpType, quantity: Quantity, path: str) -> Prior:
     own = quantity.uncertainty
     is_ratio = path not in _LINEAR
     named = _POPULATION.get(path)
-    between = kind.population[named].value if named in kind.population else 0.0
+    between = kind.population[named].value if named is not None and named in kind.population else 0.0
     if path == "compensator.F_preload":
         between = _SCREW
     scale = 1.0 if is_ratio or not quantity.value else abs(quantity.value)
