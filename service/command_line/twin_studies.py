@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from service.command_line.command import Command, Commands
-from service.command_line.console import failure, listener, say
+from service.command_line.console import Json, failure, listener, say, say_json
 
 app = typer.Typer(cls=Commands)
 
@@ -63,3 +63,36 @@ def sensitivity(
         typer.echo(found.json(), nl=False)
     elif json_ is not None:
         json_.write_text(found.json(), encoding="utf-8")
+
+
+@app.command(cls=Command)
+def export_fmu(
+    output: Annotated[Path, typer.Argument(help="FMU to write: .fmu", dir_okay=False)],
+    fmi: Annotated[str, typer.Option(help="2.0 or 3.0; both are co-simulation")] = "3.0",
+    pump: Annotated[str, typer.Option(help="Pump type: its name, or a file")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
+    json_: Json = False,
+) -> None:
+    """Write the operating point as an FMU that needs no Python: a table in C; exit code 2 if wrong.
+
+    Inputs are speed, temperature, flow and reservoir pressure, parameters the health; outputs are the operating point's
+    and a status. With a C compiler it holds a binary of this machine beside the sources. With --json: {"output", "fmi",
+    "pump_type", "circuit", "platform"}; the platform is null without a compiler.
+    """
+    from service.pump_types.parameter_files import circuit_named_or_written, named_or_written  # noqa: PLC0415
+    from service.studies.fmu.export import export_fmu as export  # noqa: PLC0415 - heavy, and only here
+
+    if output.suffix.lower() != ".fmu":
+        raise failure(f"{output}: ends not in .fmu", 2)
+    try:
+        kind, around = named_or_written(pump), circuit_named_or_written(circuit)
+        platform = export(kind, around, fmi, output)
+    except ValueError as error:
+        raise failure(str(error), 2) from None
+    except OSError as error:
+        raise failure(str(error)) from None
+    words = f"with a binary for {platform}" if platform else "sources alone: there is no C compiler here"
+    say(f"{output}: FMI {fmi}, {kind.name} in {around.name}, {words}", to=listener(json_))
+    if json_:
+        document = {"output": str(output), "fmi": fmi, "pump_type": kind.name, "circuit": around.name}
+        say_json(document | {"platform": platform})

@@ -135,7 +135,7 @@ def _result(
     freedom = len(normalised)
     p_value = float(chi2.sf(chi_square, freedom))
     jacobian = problem.jacobian(offsets)
-    left: NDArray[np.float64] = np.linalg.inv(jacobian.T @ jacobian + np.eye(len(offsets)))
+    left = np.asarray(np.linalg.inv(jacobian.T @ jacobian + np.eye(len(offsets))), dtype=np.float64)
     deviations = np.sqrt(np.diag(left))
     correlation = left / np.outer(deviations, deviations)
     to_unit = np.array([p.slope(float(x)) / p.per_unit for p, x in zip(problem.parameters, offsets, strict=True)])
