@@ -125,7 +125,7 @@ def circuit_set_from(document: Mapping[str, Any], bases: Mapping[str, CircuitSet
     if base is None:
         faults.append(("base", f"{document['base']!r} is not known; known: {', '.join(sorted(bases))}"))
         base = bases["shared_return"]
-    title = text_from("title", document["title"], faults) if "title" in document else f"{base.title}, as {name}"
+    title = text_from("title", document["title"], faults) if "title" in document else name
     quantities = _quantities(document, base, faults)
     drain = document.get("drain")
     if drain is not None and drain not in DRAINS:
