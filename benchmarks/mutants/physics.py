@@ -64,4 +64,32 @@ MUTANTS: tuple[Mutant, ...] = (
     _reduced(
         "c.SYSTEM_ORIFICE, by, 0.0, b_sys, c_sys, np.sqrt(share)", "c.SYSTEM_ORIFICE, by, 0.0, b_sys, c_sys, share"
     ),
+    Mutant(
+        "limits of the model",
+        "twin.operating_point.validity",
+        "- 0.5 * rho * through**2 / PA_PER_BAR",
+        "- rho * through**2 / PA_PER_BAR",
+        ("tests.twin.test_validity",),
+    ),
+    Mutant(
+        "limits of the model",
+        "twin.operating_point.points",
+        "(absolute < 0.0).any(axis=1)",
+        "(absolute < -9.0).any(axis=1)",
+        ("tests.twin.test_validity",),
+    ),
+    Mutant(
+        "scaling",
+        "twin.pumps.own_limits",
+        "if not low - margin <= pressure <= high + margin:",
+        "if not pressure <= high + margin:",
+        ("tests.twin.test_scaling",),
+    ),
+    Mutant(
+        "identification",
+        "twin.identification.fit",
+        "jacobian.T @ jacobian + np.eye(len(offsets))",
+        "jacobian.T @ jacobian + 9.0 * np.eye(len(offsets))",
+        ("tests.twin.test_identification",),
+    ),
 )

@@ -36,7 +36,7 @@ class Aircraft(TypedDict):
     fluid: str | None
     """Product name of the hydraulic fluid, which its pumps are judged with; null: the pump type's own."""
     circuit: str
-    """`shared_return` or `separate_drain`."""
+    """`shared_return`, `separate_drain` or the id of a stored circuit."""
     sensors: list[FittedSensor]
     """Sensors that differ from the pump type's, or whose change starts a reference anew."""
     confirmed: bool
@@ -117,6 +117,44 @@ class PumpType(PumpTypeSummary):
     """Limits that hold for the type."""
     population: dict[str, Quantity]
     """How pumps of the type differ from each other."""
+
+
+@shape
+class Consumer(TypedDict):
+    """Something at the discharge line that leaks at rest."""
+
+    name: str
+    """What it is."""
+    flow_lpm: float
+    """What it lets through at 175 bar [L/min]."""
+
+
+@shape
+class Accumulator(TypedDict):
+    """Gas in the discharge line."""
+
+    gas_volume_l: float
+    """Gas before it is filled [L]."""
+    precharge_bar: float
+    """Pressure before it is filled, gauge [bar]."""
+
+
+@shape
+class Circuit(TypedDict):
+    """A circuit round a pump, in the shape that `POST /circuits` takes."""
+
+    id: str
+    """Its name, as `circuit` of the twin's calls and of aircraft takes it."""
+    title: str
+    """What it is."""
+    drain: str
+    """`shared`: the drain joins the return line; `separate`: it has its own."""
+    quantities: dict[str, Quantity]
+    """Resistances of drain and return line by symbol."""
+    consumers: list[Consumer]
+    """What leaks at rest."""
+    accumulator: Accumulator | None
+    """Null: there is none."""
 
 
 @shape

@@ -51,7 +51,8 @@ class OperatingPoint(TypedDict, total=False):
     derivatives: dict[str, dict[str, float]]
     """Derivative of each output by each input, in the unit of the output per unit of the input."""
     outside: list[str]
-    """Quantities beyond what was validated."""
+    """Quantities beyond what the pump type was held against; missing where there are none. `suction_pressure_bar`: the
+    chambers cannot fill; `slipper.variable`: the set's gap follows from forces that only the transient knows."""
 
 
 @shape

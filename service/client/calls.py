@@ -15,7 +15,7 @@ from service.answers.mappings import Mapping as ChannelMapping
 from service.answers.mappings import MappingSuggestion
 from service.answers.pumps import DamageIdentificationCurve, Forecast, Pump, PumpWithPlace, RankedPump, Trend
 from service.answers.records import Record, RecordChannels, RecordSummary, Window
-from service.answers.registry import Aircraft, PumpType, PumpTypeSummary
+from service.answers.registry import Aircraft, Circuit, PumpType, PumpTypeSummary
 from service.answers.thresholds import ThresholdKey, Thresholds
 from service.answers.twin import Isolability, OperatingPoints, Simulation
 from service.answers.verdicts import Verdict, VerdictChange
@@ -205,6 +205,16 @@ def pump_types() -> PagedCall[PumpTypeSummary]:
 def pump_type(name: str) -> Call[PumpType]:
     """One parameter set."""
     return _get(f"/pump-types/{_name(name)}")
+
+
+def circuits() -> PagedCall[Circuit]:
+    """All circuits."""
+    return PagedCall("/circuits")
+
+
+def add_circuit(body: Body) -> Call[Circuit]:
+    """Add a circuit."""
+    return Call("POST", "/circuits", {"json": dict(body)})
 
 
 def mappings() -> PagedCall[ChannelMapping]:

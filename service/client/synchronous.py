@@ -17,7 +17,7 @@ from service.answers.mappings import Mapping as ChannelMapping
 from service.answers.mappings import MappingSuggestion
 from service.answers.pumps import DamageIdentificationCurve, Forecast, Pump, PumpWithPlace, RankedPump, Trend
 from service.answers.records import Record, RecordChannels, RecordSummary, Window
-from service.answers.registry import Aircraft, PumpType, PumpTypeSummary
+from service.answers.registry import Aircraft, Circuit, PumpType, PumpTypeSummary
 from service.answers.thresholds import ThresholdKey, Thresholds
 from service.answers.twin import Isolability, OperatingPoints, Simulation
 from service.answers.verdicts import Verdict, VerdictChange
@@ -201,6 +201,14 @@ class Client:
     def pump_type(self, name: str) -> PumpType:
         """One parameter set."""
         return self.answer(calls.pump_type(name))
+
+    def circuits(self) -> Iterator[Circuit]:
+        """All circuits."""
+        return self.items(calls.circuits())
+
+    def add_circuit(self, body: calls.Body) -> Circuit:
+        """Add a circuit; the body is that of ``POST /circuits``."""
+        return self.answer(calls.add_circuit(body))
 
     def mappings(self) -> Iterator[ChannelMapping]:
         """All channel mappings."""

@@ -25,7 +25,9 @@ from service.command_line.mapping_options import (
     stored_name,
     told,
 )
+from service.command_line.pump import pump_app
 from service.command_line.studies import app as studies
+from service.command_line.twin_studies import app as twin_studies
 
 app = typer.Typer(
     cls=Commands,
@@ -39,9 +41,11 @@ app.add_typer(mapping_app)
 app.add_typer(inbox)
 app.add_typer(keeping)
 app.add_typer(audit_app, name="audit")
+app.add_typer(twin_studies)
 app.add_typer(keys_app, name="keys")
 app.add_typer(users_app, name="users")
 app.add_typer(db_app, name="db")
+app.add_typer(pump_app, name="pump")
 
 Files = Annotated[
     list[Path], typer.Argument(help="Flight records: CSV, gzipped CSV, JSON", exists=True, dir_okay=False)

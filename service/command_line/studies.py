@@ -22,7 +22,7 @@ def simulate(
     output: Annotated[Path, typer.Option(help="Flight record to write: .parquet or .csv")],
     picture: Annotated[Path | None, typer.Option(help="Picture to draw: .svg or .png")] = None,
     pump: Annotated[str, typer.Option(help="Pump type: a name, or a .toml or .json file")] = "h225",
-    circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
     sensors: Annotated[str, typer.Option(help="none (the truth), helicopter or test_bench")] = "none",
     seed: Annotated[int, typer.Option(min=0, help="Another seed is other chance in the sensors")] = 1,
     json_: Json = False,
@@ -65,23 +65,27 @@ def identify(
     points: Annotated[Path, typer.Argument(help="Test-bench points: CSV", exists=True, dir_okay=False)],
     output: Annotated[Path, typer.Option(help="Parameter set to write: .toml", dir_okay=False)],
     id_: Annotated[str, typer.Option("--id", help="Name of the new pump type")],
-    pump: Annotated[str, typer.Option(help="Pump type to start from")] = "h225",
+    pump: Annotated[str, typer.Option(help="Pump type to start from: its name, or a parameter file")] = "h225",
     circuit: Annotated[str, typer.Option(help="Circuit that the pump ran in")] = "acceptance_stand",
+    keep_misfit: Annotated[bool, typer.Option(help="Write the set although it does not explain the points")] = False,
     free: Annotated[list[str] | None, typer.Option(help="Number to find, e.g. slipper.h; may be repeated")] = None,
     json_: Annotated[
         Path | None, typer.Option("--json", help="Also write all numbers: JSON; - is standard output", dir_okay=False)
     ] = None,
 ) -> None:
-    """Calibrate a pump type from test-bench points; exit code 1 if they determine none of its numbers, 2 if wrong.
+    """Calibrate a pump type from test-bench points: its most probable numbers, and which of them the prior decides.
 
+    Exit code 1 if no pump of the type explains the points (p < 0.01) or they determine none of its numbers: then
+    nothing is written; 2 if the file or an option is wrong.
     The JSON: {"pump_type", "circuit", "estimates", "undetermined", "covariance", "correlation", "residuals",
-    "chi_square", "degrees_of_freedom", "p_value", "warnings"}; an estimate has its path, unit, start, value, low and high.
+    "chi_square", "degrees_of_freedom", "p_value", "misfit", "warnings"}; an estimate has its path, unit, start, value, low,
+    high, its prior with prior_source and prior_share, and decided_by (points or prior).
     """
     from service.studies.bench_points import PointFaultsError  # noqa: PLC0415 - heavy, and only here
     from service.studies.identification import identified  # noqa: PLC0415
 
     try:
-        found = identified(points, output, id_, pump, circuit, free)
+        found = identified(points, output, id_, pump, circuit, free, keep_misfit)
     except PointFaultsError as error:
         raise failure(f"{points} has {len(error.faults)} fault(s)\n  " + "\n  ".join(error.faults), 2) from None
     except (ValueError, OSError) as error:
@@ -91,8 +95,8 @@ def identify(
     for line in found.remarks:
         say(line, to=to)
     _write(json_, found.json)
-    if not found.written:
-        raise failure("the points determine no number of the pump; nothing was written")
+    if found.fault is not None:
+        raise failure(found.fault)
     say(f"Parameter set: {output}", to=to)
 
 
@@ -147,14 +151,15 @@ def validate(
     ] = None,
     only: Annotated[list[str] | None, typer.Option(help="Only this comparison; may be repeated")] = None,
 ) -> None:
-    """Compare the twin with published evidence; exit code 1 if a row that validates is not met.
+    """Compare the twin with published evidence; exit code 1 if a row is missed that is not known to be.
 
-    The JSON: [{"evidence", "quantity", "unit", "reference", "value", "tolerance", "within", "fitted"}]; what is no
-    number is null.
+    The JSON: [{"evidence", "quantity", "unit", "reference", "value", "tolerance", "within", "fitted", "class", "known_miss",
+    "note"}]; what is no number is null. The class is independent (nothing was fitted to it), fitted or plausible (a sign,
+    an order of events, an own baseline); rows that only state have within null and are counted in none.
     """
     from rich.progress import track  # noqa: PLC0415
 
-    from service.studies.validation.report import counts_of, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
+    from service.studies.validation.report import counts_of, news, report_html, rows_json  # noqa: PLC0415 - heavy, and only here
     from twin.validation.catalogue import EVIDENCE  # noqa: PLC0415
 
     unknown = [name for name in only or () if name not in EVIDENCE]
@@ -167,18 +172,17 @@ def validate(
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(report_html(found), encoding="utf-8")
     _write(json_, json.dumps(rows_json(found), indent=1) + "\n")
-    words = f"{counts.met} rows met, {counts.not_met} not met; fitted: {counts.fitted_met} met, "
-    say(f"{words}{counts.fitted_not_met} not met; {counts.stated} only stated", to=to)
+    say(counts.sentence, to=to)
     say(f"Report: {output}", to=to)
-    if counts.not_met:
-        missed = [row.quantity for e in found.values() for row in e.rows if row.within is False and not row.fitted]
+    missed = news(found)
+    if missed:
         raise failure(f"not met: {'; '.join(missed)}")
 
 
 @app.command(cls=Command)
 def isolability(
     pump: Annotated[str, typer.Option(help="Pump type")] = "h225",
-    circuit: Annotated[str, typer.Option(help="Circuit round the pump")] = "shared_return",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
     flights: Annotated[int, typer.Option(help="Flights with the fault")] = 30,
     baseline_flights: Annotated[int, typer.Option(help="Healthy flights before it")] = 30,
     windows: Annotated[int, typer.Option(help="Zero-flow windows per flight")] = 1,

@@ -7,11 +7,13 @@ from typing import Any
 
 from twin.parameters import Circuit, PumpType, Sensor
 from twin.pumps import circuit_parameters
+from twin.pumps.circuit_sets import circuit_set_from
 from twin.pumps.fluids import FLUIDS, with_fluid
 
 DEFAULT_CIRCUIT = "shared_return"
 """Circuit of an aircraft of which the registry says nothing."""
-CIRCUITS: tuple[str, ...] = ("shared_return", "separate_drain")
+CIRCUIT_DOCUMENT = "circuit_document"
+"""Registry value that holds a stored circuit beside its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,16 +27,21 @@ class FittedSensor:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """Surroundings of a pump at one event time; equal settings are analysed alike."""
+    """Surroundings of a pump at one event time; equal settings are analysed alike.
+
+    ``stored_circuit`` is None for one of the twin's own. Consumers of a stored circuit are no part of it: what leaks at rest
+    is learnt from the pump's own baseline.
+    """
 
     circuit: str = DEFAULT_CIRCUIT
     fluid: str | None = None
     sensors: tuple[FittedSensor, ...] = ()
+    stored_circuit: Circuit | None = None
 
     @property
     def circuit_parameters(self) -> Circuit:
         """The circuit as the twin takes it."""
-        return circuit_parameters(self.circuit)
+        return circuit_parameters(self.circuit) if self.stored_circuit is None else self.stored_circuit
 
     @property
     def unknown_fluid(self) -> str | None:
@@ -73,4 +80,6 @@ def setting_at(aircraft: Mapping[str, Any], at: datetime) -> Setting:
             sensor = FittedSensor(entry["channel"], entry["full_scale_bar"], entry.get("accuracy_percent_full_scale"))
             newest[entry["channel"]] = (since, sensor)
     sensors = tuple(newest[channel][1] for channel in sorted(newest))
-    return Setting(aircraft.get("circuit") or DEFAULT_CIRCUIT, aircraft.get("fluid"), sensors)
+    document = aircraft.get(CIRCUIT_DOCUMENT)
+    stored = None if document is None else circuit_set_from(document).circuit
+    return Setting(aircraft.get("circuit") or DEFAULT_CIRCUIT, aircraft.get("fluid"), sensors, stored)

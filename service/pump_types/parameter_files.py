@@ -2,13 +2,16 @@
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
-from twin.pumps.written import ParameterFaultsError, pump_type_from
+from twin.pumps.circuit_sets import CIRCUIT_SETS, CircuitSet, circuit_set_from
+from twin.pumps.written import ParameterFaultsError, document_of, pump_type_from
+
+Read = TypeVar("Read")
 
 
 def named_or_written(text: str) -> PumpType:
@@ -21,9 +24,27 @@ def named_or_written(text: str) -> PumpType:
     """
     if text in PUMP_TYPES:
         return PUMP_TYPES[text]
+    return _from_file(text, PUMP_TYPES, pump_type_from)
+
+
+def circuit_named_or_written(text: str) -> CircuitSet:
+    """Circuit of a built-in name, or of a TOML or JSON file.
+
+    Raises
+    ------
+    ValueError
+        with every fault; several stand on lines of their own.
+    """
+    if text in CIRCUIT_SETS:
+        return CIRCUIT_SETS[text]
+    return _from_file(text, CIRCUIT_SETS, circuit_set_from)
+
+
+def _from_file(text: str, known: Iterable[str], reader: Callable[[Mapping[str, Any]], Read]) -> Read:
+    """What a file describes; ``known`` are the names that would have done without one."""
     path = Path(text)
     if path.suffix.lower() not in (".toml", ".json"):
-        raise ValueError(f"{text}: is not known (known: {', '.join(PUMP_TYPES)}, or a .toml or .json file)")
+        raise ValueError(f"{text}: is not known (known: {', '.join(known)}, or a .toml or .json file)")
     try:
         content = path.read_text(encoding="utf-8")
         document = tomllib.loads(content) if path.suffix.lower() == ".toml" else json.loads(content)
@@ -32,7 +53,7 @@ def named_or_written(text: str) -> PumpType:
     if not isinstance(document, Mapping):
         raise ValueError(f"{path} holds no parameter set")
     try:
-        return pump_type_from(document)
+        return reader(document)
     except ParameterFaultsError as error:
         faults = "".join(f"\n  {where}: {words}" for where, words in error.faults)
         raise ValueError(f"{path} has {len(error.faults)} fault(s){faults}") from None
@@ -45,6 +66,22 @@ def derived_toml(document: Mapping[str, Any], remarks: tuple[str, ...] = ()) -> 
     for path, quantity in document["changes"].items():
         lines += ["", f'[changes."{path}"]', *(f"{name} = {_value(value)}" for name, value in quantity.items())]
     return "\n".join(lines) + "\n"
+
+
+def whole_toml(kind: PumpType, remarks: tuple[str, ...] = ()) -> str:
+    """A whole parameter set as TOML, remarks first as comments, one line per quantity."""
+    document = document_of(kind)
+    lines = [f"# {remark}" for remark in remarks]
+    lines += [f"{name} = {_value(value)}" for name, value in document.items() if not isinstance(value, Mapping)]
+    for group, entries in ((name, value) for name, value in document.items() if isinstance(value, Mapping)):
+        lines += ["", f"[{group}]"]
+        lines += [f"{_value(path)} = {_inline(entry)}" for path, entry in entries.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _inline(entry: Mapping[str, Any]) -> str:
+    pairs = (f"{name} = {_value(value)}" for name, value in entry.items() if value is not None)
+    return f"{{ {', '.join(pairs)} }}"
 
 
 def _value(value: Any) -> str:

@@ -12,6 +12,7 @@ from service.errors import Conflict, Fault, Invalid
 from service.storage.tables import StoredPumpType
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
+from twin.pumps.own_limits import limit_faults
 from twin.pumps.written import ParameterFaultsError, document_of, pump_type_from
 
 
@@ -71,7 +72,7 @@ def store(session: Session, operator: str | None, document: dict[str, Any], auth
     Conflict
         when the name is taken: names of everybody's types mean the same for all.
     Invalid
-        with every fault of the document.
+        with every fault of the document, or of its healthy pump against its own limits.
     """
     name = document.get("id")
     if isinstance(name, str):
@@ -85,6 +86,9 @@ def store(session: Session, operator: str | None, document: dict[str, Any], auth
     except ParameterFaultsError as error:
         faults = [Fault(f"body.{where}", words) for where, words in error.faults]
         raise Invalid(f"the pump type has {len(faults)} fault(s); nothing was stored", faults) from None
+    held = [Fault(f"body.{where}", words) for where, words in limit_faults(kind)]
+    if held:
+        raise Invalid(f"the pump type breaks its own limits ({len(held)} fault(s)); nothing was stored", held)
     row = StoredPumpType(
         operator=operator, name=kind.name, document=document_of(kind), created_at=datetime.now(UTC), author=author
     )

@@ -15,12 +15,14 @@ from service.bodies import Body
 from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
 from service.history.knowledge import registry_values
-from service.history.setting import DEFAULT_CIRCUIT
+from service.history.setting import CIRCUIT_DOCUMENT, DEFAULT_CIRCUIT
 from service.ingest.names import look_of
 from service.monitoring.refold import Cause, refold
+from service.pump_types.circuits import asked_circuit
 from service.registry.fields import Instant, Name
 from service.registry.locks import lock_aircraft, locked_pumps
 from service.storage.tables import Aircraft, Installation, Pump, Record, RegistryVersion
+from twin.pumps.circuit_sets import CIRCUIT_SETS, circuit_document
 
 
 class SensorEntry(Body):
@@ -59,7 +61,7 @@ class AircraftChange(Body):
     )
     aircraft_type: Name | None = None
     fluid: Name | None = None
-    circuit: Literal["shared_return", "separate_drain"] = DEFAULT_CIRCUIT  # type: ignore[assignment]
+    circuit: Name = DEFAULT_CIRCUIT
     sensors: list[SensorEntry] = Field(default_factory=list, max_length=200)
     confirmed: bool = True
 
@@ -96,6 +98,7 @@ def listed(principal: Principal, after: Sequence[Any] | None = None) -> Select[A
 def document(session: Session, row: Aircraft) -> answers.Aircraft:
     """An aircraft in the shape of the API."""
     values = _DEFAULTS | registry_values(session, row.operator, "aircraft", row.name)
+    values.pop(CIRCUIT_DOCUMENT, None)
     named = {"aircraft": row.name, "operator": row.operator, **values, "created_at": instant(row.created_at)}
     return cast("answers.Aircraft", named)
 
@@ -119,10 +122,11 @@ def create(session: Session, operator: str, body: NewAircraft, author: str) -> A
     check_sensors(body.sensors)
     if session.scalar(select(Aircraft.id).where(Aircraft.operator == operator, Aircraft.name == body.aircraft)):
         raise Conflict(f"aircraft {body.aircraft} is registered already: change it with PATCH")
+    around = _around(session, operator, body.circuit)
     row = Aircraft(operator=operator, name=body.aircraft, created_at=datetime.now(UTC))
     session.add(row)
     session.flush()
-    _append(session, row, _DEFAULTS | body.model_dump(exclude={"aircraft", "operator"}), author)
+    _append(session, row, _DEFAULTS | body.model_dump(exclude={"aircraft", "operator"}) | around, author)
     return row
 
 
@@ -135,10 +139,25 @@ def change(session: Session, row: Aircraft, body: AircraftChange, author: str, a
     values = held | {"confirmed": True} | body.model_dump(include=body.model_fields_set)
     if values == held:
         return
+    if "circuit" in body.model_fields_set:
+        values.pop(CIRCUIT_DOCUMENT, None)
+        values |= _around(session, row.operator, body.circuit)
     _append(session, row, values, author)
     if any(values[name] != held[name] for name in ("fluid", "circuit", "sensors")):
         for pump in locked_pumps(session, _pumps_on(session, row)):
             refold(session, pump, archive, Cause("aircraft_changed", row.name))
+
+
+def _around(session: Session, operator: str, circuit: str) -> dict[str, Any]:
+    """A stored circuit's document beside its name: it is never changed, and a fold needs no look into another table.
+
+    Raises
+    ------
+    Invalid
+        when the operator has no such circuit.
+    """
+    found = asked_circuit(session, operator, circuit, "body.circuit")
+    return {} if circuit in CIRCUIT_SETS else {CIRCUIT_DOCUMENT: circuit_document(found)}
 
 
 def check_sensors(sensors: Sequence[SensorEntry]) -> None:

@@ -47,7 +47,7 @@ class AircraftLine(Body):
     aircraft: Name
     aircraft_type: Name | None = None
     fluid: Name | None = None
-    circuit: Literal["shared_return", "separate_drain"]
+    circuit: Name
     confirmed: bool = True
 
 

@@ -129,6 +129,9 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", f"{API}/aircraft/{{name}}/positions/{{position}}/trend"): Entry(
         "viewer", f"{API}/aircraft/{{aircraft}}/positions/LH/trend?metric=case_residual_bar", True
     ),
+    ("GET", f"{API}/circuits"): Entry("viewer", f"{API}/circuits"),
+    ("POST", f"{API}/circuits"): Entry("engineer", f"{API}/circuits", body={"id": "ironbird", "drain": "separate"}),
+    ("GET", f"{API}/circuits/{{name}}"): Entry("viewer", f"{API}/circuits/shared_return"),
     ("GET", f"{API}/pump-types"): Entry("viewer", f"{API}/pump-types"),
     ("POST", f"{API}/pump-types"): Entry(
         "engineer", f"{API}/pump-types", body={"id": "rebuilt", "base": "h225", "changes": _TIGHT}

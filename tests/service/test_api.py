@@ -344,6 +344,24 @@ def test_operating_point_answers_with_a_problem_in_place(client: TestClient) -> 
     }
 
 
+def test_operating_point_says_what_lies_outside(client: TestClient) -> None:
+    starving = {
+        "speed_rpm": 8000,
+        "fluid_temperature_degc": 50,
+        "reservoir_pressure_bar": -0.903,
+        "discharge_flow_lpm": 45,
+    }
+    thesis = {"speed_rpm": 4600, "fluid_temperature_degc": 50, "discharge_flow_lpm": 20}
+    body = {"conditions": [thesis, starving]}
+    inside, beyond = client.post(f"{API}/twin/operating-point", json=body).json()["items"]
+    assert "outside" not in inside
+    assert {"speed_rpm", "reservoir_pressure_bar", "suction_pressure_bar"} <= set(beyond["outside"])
+    assert beyond["discharge_pressure_bar"] > 0
+    body = {"pump_type": "h225_thesis", "conditions": [thesis]}
+    item = client.post(f"{API}/twin/operating-point", json=body).json()["items"][0]
+    assert item["outside"] == ["slipper.variable"]
+
+
 def test_operating_point_with_a_fluid_by_name(client: TestClient) -> None:
     place = {"speed_rpm": 4600, "fluid_temperature_degc": 60}
     names = [None, "MIL-PRF-83282", "MIL-PRF-87257", "MIL-PRF-5606", "AS1241 Type IV/V phosphate ester"]

@@ -2,14 +2,16 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from service.command_line.main import app
-from service.pump_types.parameter_files import named_or_written
+from service.pump_types.parameter_files import named_or_written, whole_toml
 from tests.twin.test_identification import BENCH, DEVIATIONS, FACTORS, measured
+from twin.pumps import pump_type
 from twin.pumps.written import pump_type_from
 
 RUN = CliRunner()
@@ -37,9 +39,9 @@ def test_a_bench_run_becomes_a_pump_type(bench: Path, tmp_path: Path) -> None:
     assert kind.name == "mine"
     assert kind == named_or_written(str(written))
     gap = kind.quantities["slipper.h"]
-    assert gap.value == pytest.approx(FACTORS["slipper.h"] * 8.74348, rel=0.02)
+    assert gap.value == pytest.approx(FACTORS["slipper.h"] * 8.74348, rel=0.05)
     assert gap.source.startswith("identified from bench.csv on ")
-    assert kind.quantities["piston.b"].value == 5.6
+    assert kind.quantities["piston.b"].source.endswith("decided by the prior, not by the points")
     document = json.loads(numbers.read_text())
     assert len(document["residuals"]) == len(BENCH) * len(DEVIATIONS)
     assert len(document["covariance"]) == len(document["estimates"])
@@ -69,3 +71,31 @@ def test_every_fault_of_the_file_is_named(tmp_path: Path) -> None:
     ):
         assert words in ran.output
     assert not (tmp_path / "x.toml").exists()
+
+
+def test_a_misfit_is_an_error_and_leaves_no_file(bench: Path, tmp_path: Path) -> None:
+    lines = bench.read_text().splitlines()
+    cells = lines[4].split(",")
+    cells[lines[1].split(",").index("case_flow_lpm")] = "3.5"
+    bench.write_text("\n".join([*lines[:4], ",".join(cells), *lines[5:]]) + "\n")
+    written = tmp_path / "mine.toml"
+    asked = ["identify", str(bench), "--id", "mine", "--output", str(written)]
+    ran = RUN.invoke(app, asked)
+    assert ran.exit_code == 1
+    assert "no pump of this type explains the points" in ran.output
+    assert not written.exists()
+    ran = RUN.invoke(app, [*asked, "--keep-misfit"])
+    assert ran.exit_code == 0, ran.output
+    assert "p = " in written.read_text()
+
+
+def test_a_parameter_file_is_a_start_as_well(bench: Path, tmp_path: Path) -> None:
+    start, written = tmp_path / "start.toml", tmp_path / "mine.toml"
+    start.write_text(whole_toml(replace(pump_type("h225"), name="rebuilt"), ("from drawing",)))
+    asked = ["identify", str(bench), "--id", "mine", "--output", str(written), "--pump", str(start)]
+    ran = RUN.invoke(app, asked)
+    assert ran.exit_code == 0, ran.output
+    # whole, because nobody else has its base
+    kind = named_or_written(str(written))
+    assert kind.name == "mine"
+    assert kind.quantities["slipper.h"].value == pytest.approx(FACTORS["slipper.h"] * 8.74348, rel=0.05)

@@ -75,7 +75,6 @@ def test_another_fluid_is_another_study(running: TestClient) -> None:
 
 def test_every_fault_is_named(running: TestClient) -> None:
     body = {
-        "circuit": "y",
         "fluid": "olive oil",
         "flights": 0,
         "temperature_range_degc": [80, 20],
@@ -87,7 +86,6 @@ def test_every_fault_is_named(running: TestClient) -> None:
     assert answer.headers["content-type"] == "application/problem+json"
     places = {e["where"] for e in answer.json()["errors"]}
     assert places == {
-        "body.circuit",
         "body.fluid",
         "body.flights",
         "body.temperature_range_degc",

@@ -51,7 +51,6 @@ class TestAircraft:
     def test_every_fault_is_named_and_nothing_changes(self, client: TestClient) -> None:
         bad = {
             "aircraft": "",
-            "circuit": "garden_hose",
             "mood": 1,
             "sensors": [{**SENSOR, "full_scale_bar": -1, "since": "2026-01-01T00:00:00"}],
         }
@@ -59,7 +58,6 @@ class TestAircraft:
         assert answer.status_code == 422
         assert faults_of(answer) == {
             "body.aircraft",
-            "body.circuit",
             "body.mood",
             "body.sensors.0.full_scale_bar",
             "body.sensors.0.since",

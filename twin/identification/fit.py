@@ -1,4 +1,4 @@
-"""Bounded nonlinear least squares on operating points; what the points cannot tell is found first and not moved."""
+"""Most probable numbers of a pump from operating points and priors, from several starts; what the prior decides is said."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,16 @@ from twin.numbers import Z_90
 from twin.parameters import PumpType
 from twin.pumps.circuits import CIRCUIT_QUANTITIES, CIRCUITS
 
-WEAKEST = 1.0
-"""Smallest singular value of the sensitivities per spread: the points must know a combination of parameters better than
-the numbers' sources do."""
-_BESIDE = 0.3
-_POOR_FIT = 0.01
+STARTS = 3
+"""The set itself, and draws from the prior."""
+_SEED = 20
+_DRAWN_WITHIN = 1.5
+"""Spreads: farther draws may be no pump that holds a pressure."""
+_SAME = 0.1
+"""Difference in chi-square below which two starts have found the same."""
+_RIVAL = 4.0
+"""Chi-square by which a second minimum may be worse and still be no less believable than two sigma."""
+_BESIDE = 0.5
 _FAR = 3.0
 
 
@@ -27,13 +32,12 @@ def identify(
     circuit: str = "acceptance_stand",
     parameters: Sequence[str] = DEFAULT_PARAMETERS,
 ) -> Identification:
-    """Find parameters of a pump type from measured steady points.
+    """Find a pump type's most probable numbers from measured steady points (maximum a posteriori).
 
     Parameters
     ----------
     kind
-        Where the numbers start from; their stated uncertainties tell how far each may lie off, and the bounds are a
-        fifth and three times the start.
+        Where the numbers start from, and with their spreads the prior (``twin.identification.priors``).
     points
         Conditions with what was measured there; standard deviations are those of independent errors.
     circuit
@@ -44,7 +48,7 @@ def identify(
     Returns
     -------
     Identification
-        Parameters that the points do not determine are named and keep their start.
+        Every number has an interval; numbers that the prior decides are named in ``undetermined`` as well.
 
     Raises
     ------
@@ -53,28 +57,14 @@ def identify(
 
     Notes
     -----
-    Sensitivities are scaled by each parameter's spread and each measurement's standard deviation. While the smallest
-    singular value lies below ``WEAKEST``, the parameter with the largest share in that direction is taken out. This is
-    done at the start and again at the solution, because sensitivities change with the parameters. What is held may be
-    wrong by its spread: that widens the intervals of the others (consider covariance, Schmidt 1966).
+    The sum of squared residuals, each per standard deviation, and of squared offsets from the start, each per spread of
+    the prior, is minimised from several starts. Its curvature at the minimum gives the intervals (Laplace), in the
+    logarithm of a number where the prior is a ratio. If the numbers stem from the prior, the minimum is distributed as
+    chi-square with as many degrees of freedom as there are measurements.
     """
     problem = _problem(kind, points, circuit, parameters)
-    offsets = np.zeros(len(problem.parameters))
-    undetermined: list[Undetermined] = []
-    every = problem
-    while True:
-        problem, offsets, taken = _determined(problem, offsets)
-        undetermined += taken
-        if not problem.parameters:
-            break
-        offsets = _fitted(problem, offsets)
-        if not _weakest(problem.jacobian(offsets))[0] < WEAKEST:
-            break
-        # what was fitted on the way moved along an open direction: begin again from the start
-        problem, _, taken = _determined(problem, offsets)
-        undetermined += taken
-        offsets = np.zeros(len(problem.parameters))
-    return _result(problem, every, circuit, offsets, tuple(undetermined))
+    offsets, chi_square, remarks = _best(problem)
+    return _result(problem, circuit, offsets, chi_square, remarks)
 
 
 def _problem(kind: PumpType, points: Sequence[Point], circuit: str, parameters: Sequence[str]) -> Problem:
@@ -86,6 +76,7 @@ def _problem(kind: PumpType, points: Sequence[Point], circuit: str, parameters: 
             found.append(parameter_of(kind, quantities, path))
         except KeyError:
             faults.append(f"no number {path!r} in {kind.name} or in its circuit")
+    faults += [f"{p.path} is 0 in {kind.name}: it has no ratio to move by" for p in found if _is_stuck(p)]
     if not any(point.measured for point in points):
         faults.append("nothing was measured")
     for i, point in enumerate(points):
@@ -98,103 +89,69 @@ def _problem(kind: PumpType, points: Sequence[Point], circuit: str, parameters: 
     return problem
 
 
-def _weakest(jacobian: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-    """Smallest singular value, 0 with fewer rows than columns, and its direction among the parameters."""
-    _, values, directions = np.linalg.svd(jacobian, full_matrices=True)
-    n = jacobian.shape[1]
-    return (float(values[-1]) if len(values) == n else 0.0), directions[-1]
+def _is_stuck(parameter: Parameter) -> bool:
+    return parameter.prior.is_ratio and parameter.start == 0.0
 
 
-def _determined(
-    problem: Problem, offsets: NDArray[np.float64]
-) -> tuple[Problem, NDArray[np.float64], list[Undetermined]]:
-    """Take parameters out until the points determine all that are left."""
-    taken: list[Undetermined] = []
-    while problem.parameters:
-        smallest, direction = _weakest(problem.jacobian(offsets))
-        if smallest >= WEAKEST:
-            break
-        k = int(np.argmax(np.abs(direction)))
-        beside = tuple(
-            p.path
-            for i, p in enumerate(problem.parameters)
-            if i != k and abs(direction[i]) > _BESIDE * abs(direction[k])
-        )
-        taken.append(Undetermined(problem.parameters[k].path, beside))
-        problem, offsets = problem.without(k), np.delete(offsets, k)
-    return problem, offsets, taken
+def _best(problem: Problem) -> tuple[NDArray[np.float64], float, list[str]]:
+    """Lowest minimum of several starts, its chi-square, and remarks about rivals."""
+    n = len(problem.parameters)
+    rng = np.random.default_rng(_SEED)
+    draws = np.clip(rng.normal(size=(STARTS - 1, n)), -_DRAWN_WITHIN, _DRAWN_WITHIN)
+    found = sorted((_fitted(problem, start) for start in (np.zeros(n), *draws)), key=lambda minimum: minimum[1])
+    offsets, chi_square = found[0]
+    rivals = [other for other, value in found[1:] if _SAME < value - chi_square < _RIVAL]
+    apart = [other for other in rivals if np.abs(other - offsets).max() > 1.0]
+    remarks = [f"{len(apart)} of {STARTS} starts end in another minimum that is hardly worse: see more points"]
+    return offsets, chi_square, remarks if apart else []
 
 
-def _fitted(problem: Problem, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    low = np.array([(p.low - p.start) / p.spread for p in problem.parameters])
-    high = np.array([(p.high - p.start) / p.spread for p in problem.parameters])
+def _fitted(problem: Problem, start: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    identity = np.eye(len(start))
+    bounds = (np.array([p.low for p in problem.parameters]), np.array([p.high for p in problem.parameters]))
+
+    def residuals(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.concatenate([problem.residuals(x), x])
+
+    def jacobian(x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.vstack([problem.jacobian(x), identity])
+
     found = least_squares(
-        problem.residuals, np.clip(offsets, low, high), problem.jacobian, bounds=(low, high), xtol=1e-10, ftol=1e-12
+        residuals,
+        np.clip(start, bounds[0] + 1.0e-6, bounds[1] - 1.0e-6),
+        jacobian,
+        bounds=bounds,
+        xtol=1e-6,
+        ftol=1e-8,
+        max_nfev=200,
     )
-    solution: NDArray[np.float64] = found.x
-    return solution
-
-
-def _covariance(problem: Problem, every: Problem, offsets: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
-    """Covariance of the estimates in units of their spreads, shape (n, n).
-
-    ``factor`` widens what the measurements' noise leaves; what the held parameters add is widened by nothing.
-    """
-    if not problem.parameters:
-        return np.zeros((0, 0))
-    at = dict(zip((p.path for p in problem.parameters), offsets, strict=True))
-    here = np.array([at.get(p.path, 0.0) for p in every.parameters])
-    free = problem.jacobian(offsets)
-    noise = np.linalg.inv(free.T @ free)
-    held = [k for k, p in enumerate(every.parameters) if p.path not in at]
-    shift = np.zeros((len(offsets), len(held)))
-    for column, k in enumerate(held):
-        # a whole spread, not a slope: leakage grows with the cube of a gap
-        shift[:, column] = noise @ free.T @ _worst_change(every, here, k)
-    found: NDArray[np.float64] = factor**2 * noise + shift @ shift.T
-    return found
-
-
-def _worst_change(every: Problem, here: NDArray[np.float64], k: int) -> NDArray[np.float64]:
-    """Change of the residuals when parameter ``k`` moves by its spread to the side that changes them more."""
-    parameter, before = every.parameters[k], every.residuals(here)
-    changes = []
-    for side in (1.0, -1.0):
-        there = here.copy()
-        low, high = ((b - parameter.start) / parameter.spread for b in (parameter.low, parameter.high))
-        there[k] = np.clip(here[k] + side, low, high)
-        changes.append(every.residuals(there) - before)
-    return max(changes, key=lambda change: float(change @ change))
+    return found.x, 2.0 * float(found.cost)
 
 
 def _result(
-    problem: Problem,
-    every: Problem,
-    circuit: str,
-    offsets: NDArray[np.float64],
-    undetermined: tuple[Undetermined, ...],
+    problem: Problem, circuit: str, offsets: NDArray[np.float64], chi_square: float, remarks: list[str]
 ) -> Identification:
     twin, normalised = problem.predicted(offsets), problem.residuals(offsets)
-    chi_square, freedom = float(normalised @ normalised), len(normalised) - len(offsets)
-    p_value = float(chi2.sf(chi_square, freedom)) if freedom > 0 else 1.0
-    is_poor = p_value < _POOR_FIT
-    factor = float(np.sqrt(chi_square / freedom)) if is_poor else 1.0
-    scaled = _covariance(problem, every, offsets, factor)
-    to_unit = np.array([p.spread / p.per_unit for p in problem.parameters])
-    covariance = scaled * np.outer(to_unit, to_unit)
-    deviations = np.sqrt(np.diag(covariance))
-    correlation = covariance / np.outer(deviations, deviations)
-    values = problem.values(offsets)
+    freedom = len(normalised)
+    p_value = float(chi2.sf(chi_square, freedom))
+    jacobian = problem.jacobian(offsets)
+    left = np.asarray(np.linalg.inv(jacobian.T @ jacobian + np.eye(len(offsets))), dtype=np.float64)
+    deviations = np.sqrt(np.diag(left))
+    correlation = left / np.outer(deviations, deviations)
+    to_unit = np.array([p.slope(float(x)) / p.per_unit for p, x in zip(problem.parameters, offsets, strict=True)])
     estimates = tuple(
-        _estimate(p, float(value), float(sd))
-        for p, value, sd in zip(problem.parameters, values, deviations, strict=True)
+        _estimate(p, float(offset), float(sd))
+        for p, offset, sd in zip(problem.parameters, offsets, deviations, strict=True)
     )
-    warnings = _far(problem.parameters, offsets) + _at_bounds(estimates)
-    if is_poor:
-        warnings.append(
-            f"chi-square is {chi_square:.1f} for {freedom} degrees of freedom: the twin does not meet the points within "
-            f"their standard deviations; intervals are widened for it"
+    undetermined = tuple(
+        Undetermined(
+            e.path,
+            tuple(f.path for i, f in enumerate(estimates) if i != k and abs(correlation[i, k]) > _BESIDE),
         )
+        for k, e in enumerate(estimates)
+        if e.decided_by == "prior"
+    )
+    warnings = _far(problem.parameters, offsets) + _at_bounds(estimates) + remarks
     if len({p.condition.fluid_temperature_degc for p in problem.points}) == 1:
         warnings.append("all points have one temperature: what depends on viscosity is not tested elsewhere")
     residuals = tuple(
@@ -208,23 +165,27 @@ def _result(
         )
     )
     return Identification(
-        problem.kind, circuit, estimates, undetermined, covariance, correlation, residuals, chi_square, freedom,
-        p_value, tuple(warnings),
+        problem.kind, circuit, estimates, undetermined, left * np.outer(to_unit, to_unit), correlation, residuals,
+        chi_square, freedom, p_value, tuple(warnings),
     )  # fmt: skip
 
 
-def _estimate(parameter: Parameter, value: float, deviation: float) -> Estimate:
-    in_unit = value / parameter.per_unit
-    margin = 1.0e-6 * parameter.spread
-    at_bound = not parameter.low + margin < value < parameter.high - margin
-    half = Z_90 * deviation
+def _estimate(parameter: Parameter, offset: float, deviation: float) -> Estimate:
+    value, low, high = (parameter.value(offset + side * Z_90 * deviation) / parameter.per_unit for side in (0, -1, 1))
+    margin = 1.0e-3
+    at_bound = not parameter.low + margin < offset < parameter.high - margin
+    in_unit = parameter.slope(offset) / parameter.per_unit * deviation
     start = parameter.start / parameter.per_unit
-    return Estimate(parameter.path, parameter.unit, start, in_unit, deviation, in_unit - half, in_unit + half, at_bound)
+    low, high = sorted((low, high))
+    return Estimate(
+        parameter.path, parameter.unit, start, value, in_unit, low, high, at_bound,
+        parameter.prior.spread, parameter.prior.is_ratio, parameter.prior.source, deviation**2,
+    )  # fmt: skip
 
 
 def _far(parameters: Sequence[Parameter], offsets: NDArray[np.float64]) -> list[str]:
     return [
-        f"{p.path} lies {abs(offset):.1f} times its stated spread from the start: another effect may stand behind it"
+        f"{p.path} lies {abs(offset):.1f} times its prior's spread from the start: another effect may stand behind it"
         for p, offset in zip(parameters, offsets, strict=True)
         if abs(offset) > _FAR
     ]

@@ -1,5 +1,6 @@
 """What is fitted to what: measured points, free parameters, and normalised residuals with their sensitivities."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -8,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.condition import OUTPUTS, Condition, Health, input_rows
+from twin.identification.priors import CIRCUIT_PARTS, Prior, prior_of
 from twin.operating_point import operating_points, problem
 from twin.parameters import Circuit, Pump, PumpType, Quantity
 
 MEASURED: tuple[str, ...] = ("discharge_pressure_bar", "case_pressure_bar", "case_flow_lpm", "shaft_torque_nm")
 """Outputs that a test bench measures."""
-CIRCUIT_PARTS = "circuit"
 DEFAULT_PARAMETERS: tuple[str, ...] = (
     "slipper.h",
     "piston.b",
@@ -28,9 +29,12 @@ DEFAULT_PARAMETERS: tuple[str, ...] = (
     "circuit.w_Q",
 )
 """Gaps, bleed, setting, droop, friction of the pump; resistance and law of the drain."""
-_USUAL_SPREAD = 0.2
 _STEP = 1.0e-3
 """Of the spread: the solver is smooth and converges to 1e-10, so that central differences keep six digits."""
+_FARTHEST = 6.0
+"""Spreads that a number may move: farther off nothing is known to be a pump."""
+_WEIGHTS = (-0.5, 1.5)
+"""Weights of the drain law stay between these."""
 _UNSOLVED = 1.0e3
 """Normalised residual of a point without a solution: worse than any that has one."""
 
@@ -52,15 +56,28 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number to find: it starts from the set's value and moves in steps of its spread, within bounds [SI]."""
+    """A number to find [SI]: it starts from the set's value and moves in steps of its prior's spread.
+
+    ``low`` and ``high`` bound its offset, in spreads.
+    """
 
     path: str
     unit: str
     start: float
-    spread: float
+    prior: Prior
     low: float
     high: float
     per_unit: float
+
+    def value(self, offset: float) -> float:
+        """The number so many spreads from its start."""
+        if self.prior.is_ratio:
+            return self.start * math.exp(offset * self.prior.spread)
+        return self.start + offset * self.prior.spread * self.per_unit
+
+    def slope(self, offset: float) -> float:
+        """d(value)/d(offset)."""
+        return self.prior.spread * (abs(self.value(offset)) if self.prior.is_ratio else self.per_unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +101,7 @@ class Problem:
 
     def values(self, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
         """Parameters [SI], shape (len(parameters),)."""
-        start = np.array([p.start for p in self.parameters])
-        found: NDArray[np.float64] = start + offsets * np.array([p.spread for p in self.parameters])
-        return found
+        return np.array([p.value(float(offset)) for p, offset in zip(self.parameters, offsets, strict=True)])
 
     def predicted(self, offsets: NDArray[np.float64]) -> NDArray[np.float64]:
         """The twin's value of every measurement in the order of ``places``; NaN without a solution."""
@@ -119,11 +134,6 @@ class Problem:
         faults = [(i, problem(found, i)) for i in range(len(self.points))]
         return [f"point {i + 1}: {fault}" for i, fault in faults if fault is not None]
 
-    def without(self, k: int) -> "Problem":
-        """The same with one parameter held at its start."""
-        kept = tuple(p for i, p in enumerate(self.parameters) if i != k)
-        return Problem(self.kind, self.circuit, self.points, kept)
-
     def _changed(self, values: NDArray[np.float64]) -> tuple[Pump, Circuit]:
         pump, circuit = self.kind.pump, self.circuit
         for parameter, value in zip(self.parameters, values, strict=True):
@@ -137,7 +147,7 @@ class Problem:
 
 
 def parameter_of(kind: PumpType, circuit: Mapping[str, Quantity], path: str) -> Parameter:
-    """A free parameter with the spread that its source states.
+    """A free parameter with its prior.
 
     Raises
     ------
@@ -146,11 +156,9 @@ def parameter_of(kind: PumpType, circuit: Mapping[str, Quantity], path: str) -> 
     """
     part, _, name = path.partition(".")
     quantity = circuit[name] if part == CIRCUIT_PARTS else kind.quantities[path]
-    start = quantity.si
+    prior = prior_of(kind, quantity, path)
     per_unit = Quantity(1.0, quantity.unit, "").si
-    if start == 0.0:
-        # a weight of the drain law: absolute, its uncertainty too
-        return Parameter(path, quantity.unit, 0.0, (quantity.uncertainty or 0.4) * per_unit, -0.5, 1.5, per_unit)
-    spread = abs(start) * (quantity.uncertainty or _USUAL_SPREAD)
-    low, high = sorted((0.2 * start, 3.0 * start))
-    return Parameter(path, quantity.unit, start, spread, low, high, per_unit)
+    if prior.is_ratio:
+        return Parameter(path, quantity.unit, quantity.si, prior, -_FARTHEST, _FARTHEST, per_unit)
+    low, high = ((bound - quantity.value) / prior.spread for bound in _WEIGHTS)
+    return Parameter(path, quantity.unit, quantity.si, prior, low, high, per_unit)

@@ -9,10 +9,18 @@ from numpy.typing import NDArray
 from twin.parameters import PumpType, Quantity
 from twin.pumps.written import pump_type_from
 
+POOR_FIT = 0.01
+PRIOR_DECIDES = 0.5
+"""Share of the prior's variance that is left: above it the prior says more than the points."""
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One number found, in ``unit``; ``low`` and ``high`` bound 90 %."""
+    """One number found, in ``unit``; ``low`` and ``high`` bound 90 %.
+
+    ``prior`` is the one-sigma spread known beforehand, a ratio or in ``unit`` (``prior_is_ratio``), ``prior_source``
+    where it comes from; ``prior_share`` how much of its variance is left: near 0 the points decide, near 1 the prior.
+    """
 
     path: str
     unit: str
@@ -22,11 +30,20 @@ class Estimate:
     low: float
     high: float
     at_bound: bool
+    prior: float
+    prior_is_ratio: bool
+    prior_source: str
+    prior_share: float
+
+    @property
+    def decided_by(self) -> str:
+        """``points`` or ``prior``: whose information is the larger part."""
+        return "prior" if self.prior_share > PRIOR_DECIDES else "points"
 
 
 @dataclass(frozen=True, slots=True)
 class Undetermined:
-    """A number that the points cannot tell: it stays at its start. ``beside``: what it cannot be told from."""
+    """A number that the prior decides, because the points cannot tell it. ``beside``: what it cannot be told from."""
 
     path: str
     beside: tuple[str, ...]
@@ -51,10 +68,10 @@ class Identification:
     Attributes
     ----------
     covariance, correlation
-        Of the estimates in their units and [-], shape (n, n); what is undetermined adds its stated spread.
+        Of the estimates in their units and [-], shape (n, n).
     chi_square, degrees_of_freedom, p_value
-        Of the residuals; a p-value below 0.01 says that the twin or the standard deviations do not fit the points,
-        and the share of the noise in the covariance is widened by chi-square per degree of freedom.
+        Of the residuals and of the offsets from the prior together, which at the most probable numbers has as many
+        degrees of freedom as there are measurements.
     """
 
     kind: PumpType
@@ -69,13 +86,21 @@ class Identification:
     p_value: float
     warnings: tuple[str, ...]
 
+    @property
+    def is_misfit(self) -> bool:
+        """True where no pump of this type explains the points: p below 0.01."""
+        return self.p_value < POOR_FIT
+
     def changes(self, source: str) -> dict[str, Quantity]:
-        """Identified numbers of the pump, those of the circuit left out, by path."""
-        return {
-            e.path: Quantity(e.value, e.unit, source, _relative(e))
-            for e in self.estimates
-            if not e.path.startswith("circuit.")
-        }
+        """Identified numbers of the pump, those of the circuit left out, by path; none where the prior decides all.
+
+        What the prior decides is among them and says so in its source: the numbers fit the points together.
+        """
+        own = [e for e in self.estimates if not e.path.startswith("circuit.")]
+        if all(e.decided_by == "prior" for e in own):
+            return {}
+        words = {"points": source, "prior": f"{source}; decided by the prior, not by the points"}
+        return {e.path: Quantity(e.value, e.unit, words[e.decided_by], _relative(e)) for e in own}
 
     def document(self, name: str, source: str) -> dict[str, object]:
         """Derived parameter set in the shape of ``twin.pumps.written``; raises ``ParameterFaultsError`` if it is none.

@@ -11,6 +11,11 @@ from twin.condition import INPUTS, OUTPUTS, RANGES, RESERVOIR_RANGE_BAR, Conditi
 from twin.operating_point.solver import DEMAND_TOO_HIGH, NOT_CONVERGED, NOT_FINITE, OUT_OF_RANGE, solve_batch
 from twin.parameters import Circuit, Pump
 
+BELOW_VACUUM = 5
+"""Status of a steady state that would need an absolute pressure below zero."""
+_PRESSURES = 4
+"""The first outputs are pressures: discharge, case, return, control."""
+
 PROBLEMS: dict[int, str] = {
     NOT_FINITE: "an input is not a number: give every condition, health value and load as a finite number",
     OUT_OF_RANGE: "an input is outside the model's range",
@@ -18,6 +23,8 @@ PROBLEMS: dict[int, str] = {
     "ask for less flow, more speed, or give the load as a resistance",
     NOT_CONVERGED: "no steady state was found: check that health values describe a pump that still regulates "
     "and that a load given as a resistance holds some pressure",
+    BELOW_VACUUM: "an absolute pressure would lie below zero: fluid cannot be pulled, so there is no such steady state; "
+    "ask for less flow or leakage, or give the reservoir more pressure",
 }
 
 
@@ -64,6 +71,12 @@ def operating_points(
     slopes = np.empty((n, len(OUTPUTS), len(INPUTS)) if derivatives else (0, 0, 0))
     status = np.zeros(n, dtype=np.int64)
     solve_batch(pump, circuit, rows, k_d, values, np.arange(len(INPUTS)), slopes, status)
+    absolute = values[:, :_PRESSURES] + rows[:, [INPUTS.index("ambient_pressure_bar")]]
+    pulled = (status == 0) & (absolute < 0.0).any(axis=1)
+    status[pulled] = BELOW_VACUUM
+    values[pulled] = np.nan
+    if derivatives:
+        slopes[pulled] = np.nan
     return OperatingPoints(rows, values, slopes if derivatives else None, status)
 
 

@@ -51,7 +51,7 @@ def pump_type_from(document: Mapping[str, Any], bases: Mapping[str, PumpType] = 
     faults: list[tuple[str, str]] = []
     allowed = _DERIVED if "base" in document else _WHOLE
     faults += [(name, "is not a field of a parameter set") for name in document if name not in allowed]
-    name = _text("id", document.get("id"), faults)
+    name = text_from("id", document.get("id"), faults)
     if "base" in document:
         base = bases.get(str(document["base"]))
         if base is None:
@@ -59,7 +59,7 @@ def pump_type_from(document: Mapping[str, Any], bases: Mapping[str, PumpType] = 
         groups = _changed(document.get("changes"), base or _REFERENCE, faults)
         frame = base or _REFERENCE
         if "title" in document:
-            frame = replace(frame, title=_text("title", document["title"], faults))
+            frame = replace(frame, title=text_from("title", document["title"], faults))
         else:
             frame = replace(frame, title=f"{frame.title}, as {name}")
     else:
@@ -126,7 +126,7 @@ def _changed(given: Any, base: PumpType, faults: list[tuple[str, str]]) -> dict[
         if name not in target:
             faults.append((where, "is no quantity of the base"))
             continue
-        target[name] = _quantity(where, entry, target[name], group in ("limits", "population"), faults)
+        target[name] = quantity_from(where, entry, target[name], group in ("limits", "population"), faults)
     return dict(groups.items())
 
 
@@ -137,7 +137,9 @@ def _group(group: str, given: Any, faults: list[tuple[str, str]]) -> dict[str, Q
     missing = [name for name in reference if name not in found and f"{group}.{name}" not in _LATER]
     faults += [(f"{group}.{name}", "is missing") for name in missing]
     return {
-        name: _quantity(f"{group}.{name}", found[name], like, group != "quantities", faults) if name in found else like
+        name: quantity_from(f"{group}.{name}", found[name], like, group != "quantities", faults)
+        if name in found
+        else like
         for name, like in reference.items()
         if name not in missing
     }
@@ -155,7 +157,7 @@ def _flat(given: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     return found
 
 
-def _quantity(where: str, given: Any, like: Quantity, named_unit: bool, faults: list[tuple[str, str]]) -> Quantity:
+def quantity_from(where: str, given: Any, like: Quantity, named_unit: bool, faults: list[tuple[str, str]]) -> Quantity:
     """A quantity, or ``like`` with the faults added; ``named_unit``: the unit stands in the name and cannot change."""
     if not isinstance(given, Mapping):
         faults.append((where, "must have value, unit and source"))
@@ -165,14 +167,14 @@ def _quantity(where: str, given: Any, like: Quantity, named_unit: bool, faults: 
     value: Any = given.get("value")
     unit, spread = given.get("unit"), given.get("uncertainty")
     before = len(faults)
-    if not _is_number(value):
+    if not is_number(value):
         faults.append((f"{where}.value", "is missing or not a finite number"))
     allowed = (like.unit,) if named_unit else _like(like.unit)
     if unit not in allowed:
         faults.append((f"{where}.unit", f"{unit!r} is not {' or '.join(allowed)}"))
-    if spread is not None and not (_is_number(spread) and spread >= 0.0):
+    if spread is not None and not (is_number(spread) and spread >= 0.0):
         faults.append((f"{where}.uncertainty", "is not a relative spread [-] of 0 or more"))
-    source = _text(f"{where}.source", given.get("source"), faults)
+    source = text_from(f"{where}.source", given.get("source"), faults)
     if len(faults) > before:
         return like
     number = value if isinstance(value, int) and isinstance(like.value, int) else float(value)
@@ -185,7 +187,7 @@ def _like(unit: str) -> tuple[str, ...]:
 
 
 def _frame(document: Mapping[str, Any], faults: list[tuple[str, str]]) -> PumpType:
-    title = _text("title", document.get("title"), faults)
+    title = text_from("title", document.get("title"), faults)
     speed = _between("nominal_speed_rpm", document, 200.0, 8000.0, faults)
     reservoir = _between("nominal_reservoir_pressure_bar", document, -0.9, 20.0, faults)
     given = document.get("sensors")
@@ -221,13 +223,14 @@ def _between(
     name: str, given: Mapping[str, Any], low: float, high: float, faults: list[tuple[str, str]], within: str = ""
 ) -> float:
     value = given.get(name)
-    if not _is_number(value) or not low <= float(value) <= high:
+    if not is_number(value) or not low <= float(value) <= high:
         faults.append((f"{within}.{name}" if within else name, f"is missing or not between {low:g} and {high:g}"))
         return low
     return float(value)
 
 
-def _is_number(value: Any) -> TypeGuard[int | float]:
+def is_number(value: Any) -> TypeGuard[int | float]:
+    """Whether a value of a document is a finite number; a truth value is none."""
     if not isinstance(value, (int, float)) or isinstance(value, bool):
         return False
     try:
@@ -236,7 +239,8 @@ def _is_number(value: Any) -> TypeGuard[int | float]:
         return False
 
 
-def _text(where: str, value: Any, faults: list[tuple[str, str]]) -> str:
+def text_from(where: str, value: Any, faults: list[tuple[str, str]]) -> str:
+    """A text of a document, or an empty one with the fault added."""
     if not isinstance(value, str) or not value.strip() or len(value) > _LONGEST or not value.isprintable():
         faults.append((where, f"is missing or not a text of 1 to {_LONGEST} printable characters"))
         return ""

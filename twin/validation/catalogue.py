@@ -9,10 +9,12 @@ from twin.validation.evidence import Evidence
 from twin.validation.jamming import jamming
 from twin.validation.slippers import slippers
 from twin.validation.spectrum import spectrum
+from twin.validation.static_point import static_point
 from twin.validation.wear import wear
 
 EVIDENCE: Mapping[str, Callable[[], Evidence]] = {
     "acceptance": acceptance,
+    "static-point": static_point,
     "compensator": compensator,
     "erosion": erosion,
     "jamming": jamming,

@@ -5,7 +5,7 @@ import math
 from twin.pumps import circuit_parameters, pump_type
 from twin.validation.effects import TABLE_2_7
 from twin.validation.erosion import erosion
-from twin.validation.evidence import Curve, Evidence, Plot, Row
+from twin.validation.evidence import FITTED, INDEPENDENT, Curve, Evidence, Plot, Row
 from twin.validation.jamming import jamming
 from twin.validation.load_step import OPENED_S, SHUT_S, answer, full_flow_opening, load_step
 
@@ -33,22 +33,24 @@ def compensator() -> Evidence:
     flow = float(recording["discharge_flow_lpm"][recording.time_s < SHUT_S].mean())
 
     def limit(quantity: str, unit: str, reference: float, value: float, note: str = "", fitted: bool = False) -> Row:
-        return Row(_TABLE, quantity, unit, reference, value, 0.0, fitted, -1, note)
+        return Row(_TABLE, quantity, unit, reference, value, 0.0, FITTED if fitted else INDEPENDENT, -1, note)
 
-    def state(quantity: str, unit: str, reference: float, value: float, note: str = "") -> Row:
-        return Row(_TABLE, quantity, unit, reference, value, math.nan, note=note)
+    def printed(quantity: str, unit: str, reference: float, value: float, note: str = "", limit: int = 0) -> Row:
+        """Beside the thesis' own model, within 10 %: a model's numbers, but printed, and nothing was fitted to them."""
+        tolerance, missed = (0.0 if limit else 0.1 * reference), bool(note)
+        return Row(_TABLE, f"{quantity}: the thesis' own model", unit, reference, value, tolerance, INDEPENDENT,
+                   limit, note, missed)  # fmt: skip
 
-    model = "the thesis' own model"
     shut, opened = "full to zero flow", "zero to full flow"
     rows = (
         limit(f"peak pressure, {shut}", "bar", PEAK_BAR, a.peak_bar, _PEAK_NOTE, True),
         limit(
             f"peak pressure, {shut}, bench with a shared return line", "bar", PEAK_BAR, bench.peak_bar, _PEAK_NOTE, True
         ),
-        state(f"peak pressure, {shut}: {model}", "bar", 223.0, a.peak_bar, "a capacity of unknown size"),
+        printed(f"peak pressure, {shut}", "bar", 223.0, a.peak_bar, "the thesis' capacity is of unknown size"),
         limit(f"time to stay in the rated 173 to 177 bar, {shut}", "s", SETTLE_S, a.settle_shut_s),
         limit(f"time to stay within +-20.7 bar, {shut}", "s", SETTLE_S, a.inside_shut_s),
-        state(f"time to settle, {shut}: {model}", "s", 0.35, a.settle_shut_s),
+        printed(f"time to settle, {shut}", "s", 0.35, a.settle_shut_s),
         limit(
             f"time to stay above 90 % of full-flow pressure, {opened}",
             "s",
@@ -56,8 +58,8 @@ def compensator() -> Evidence:
             a.settle_open_s,
             "table 2-8 prints 60 %, table 2-9 90 %: the stricter is held",
         ),
-        state(
-            f"time to settle, {opened}: {model}",
+        printed(
+            f"time to settle, {opened}",
             "s",
             0.02,
             a.settle_open_s,
@@ -65,17 +67,15 @@ def compensator() -> Evidence:
         ),
         limit(f"response time, {shut}", "s", RESPONSE_S, a.response_shut_s, _RESPONSE_NOTE),
         limit(f"response time, {opened}", "s", RESPONSE_S, a.response_open_s, _RESPONSE_NOTE),
-        state(
-            f"response time: {model}, less than", "s", 0.01, max(a.response_shut_s, a.response_open_s), _RESPONSE_NOTE
-        ),
+        printed("response time, less than", "s", 0.01, max(a.response_shut_s, a.response_open_s), _RESPONSE_NOTE, -1),
         limit("oscillation's half-width once settled, zero flow", "bar", OSCILLATION_BAR, a.oscillation_shut_bar),
         limit("oscillation's half-width once settled, full flow", "bar", OSCILLATION_BAR, a.oscillation_open_bar),
-        state(
-            f"oscillation's half-width once settled: {model}",
+        printed(
+            "oscillation's half-width once settled, at most",
             "bar",
             1.0,
             max(a.oscillation_shut_bar, a.oscillation_open_bar),
-            "ours holds the nine pistons' pulsation, the thesis' ideal pump has none",
+            limit=-1,
         ),
         Row(
             "table 2-7",
@@ -86,8 +86,19 @@ def compensator() -> Evidence:
             math.nan,
             note=f"beside the most complete published model; {sum(e.healthy for e in TABLE_2_7)} act in the healthy set",
         ),
-        state("lowest pressure after opening", "bar", math.nan, a.trough_bar, "not specified"),
-        state("flow at full tilt", "L/min", _FULL_FLOW_LPM, flow, "the thesis' ideal pump at 160 bar"),
+        Row(_TABLE, "lowest pressure after opening", "bar", math.nan, a.trough_bar, math.nan, note="not specified"),
+        Row(
+            "figure 2-19",
+            "flow at full tilt",
+            "L/min",
+            _FULL_FLOW_LPM,
+            flow,
+            0.5,
+            INDEPENDENT,
+            note="net flow of the thesis' ideal pump at 160 bar, within half of what table 2-1 leaves between 27 and 28; ours "
+            "delivers what static point 2 asks for, which table 2-1 contradicts",
+            known_miss=True,
+        ),
     )
     time = recording.time_s[::_EVERY]
     plots = tuple(

@@ -2,11 +2,18 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
+
+Class = Literal["independent", "fitted", "plausible"]
+CLASSES: tuple[Class, ...] = ("independent", "fitted", "plausible")
+"""What a row weighs: a printed value that nothing was fitted to; a value that a parameter was chosen for, or that follows
+from one; a sign, an order of events, a baseline of our own."""
+INDEPENDENT, FITTED, PLAUSIBLE = CLASSES
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +32,14 @@ class Row:
         What the twin gives.
     tolerance
         Largest difference that counts as met [unit]; of a limit 0; NaN for a row that only states.
-    fitted
-        True where a parameter was chosen to meet this row: it validates nothing.
+    evidence_class
+        One of ``CLASSES``. A row that only states says nothing of weight and is ``plausible``.
     limit
         -1: the value must not exceed the reference; +1: must not fall below it; 0: must lie within the tolerance.
     note
         What has to be known to read the row.
+    known_miss
+        True where the row is known not to be met and ``note`` says why: it counts as not met, but is no news.
     """
 
     evidence: str
@@ -39,9 +48,15 @@ class Row:
     reference: float
     value: float
     tolerance: float
-    fitted: bool = False
+    evidence_class: Class = PLAUSIBLE
     limit: int = 0
     note: str = ""
+    known_miss: bool = False
+
+    @property
+    def fitted(self) -> bool:
+        """True where a parameter was chosen to meet this row: it validates nothing."""
+        return self.evidence_class == FITTED
 
     @property
     def within(self) -> bool | None:

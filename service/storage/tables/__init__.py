@@ -5,6 +5,7 @@ from service.storage.tables.alarms import Alarm, AlarmAction, Delivery, Message,
 from service.storage.tables.audit import AuditEntry, AuditHead, AuditLink
 from service.storage.tables.backups import Backup
 from service.storage.tables.base import Base, UtcDateTime
+from service.storage.tables.circuits import StoredCircuit
 from service.storage.tables.history import (
     Entry,
     Finding,
@@ -77,6 +78,7 @@ __all__ = [
     "RegistryVersion",
     "SignedIn",
     "StoredAssessment",
+    "StoredCircuit",
     "StoredMapping",
     "StoredPumpType",
     "ThresholdPin",

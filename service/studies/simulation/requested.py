@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.errors import Fault, Invalid
+from service.studies.simulation.consumers import leaking
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, Condition, Health
 from twin.parameters import PumpType
-from twin.pumps import PUMP_TYPES, circuit_parameters
-from twin.pumps.circuits import CIRCUITS
+from twin.pumps import PUMP_TYPES
+from twin.pumps.circuit_sets import CIRCUIT_SETS, CircuitSet
 from twin.pumps.fluids import FLUIDS, with_fluid
 from twin.recording import TIME
 from twin.simulation.run import simulate, stepping
@@ -52,21 +53,25 @@ class Checked:
     """A scenario that can run."""
 
     kind: PumpType
-    circuit: str
+    circuit: CircuitSet
     fluid: str | None
     scenario: Scenario
     sample_rate_hz: float
 
 
-def checked(asked: Asked, types: Mapping[str, PumpType] = PUMP_TYPES) -> Checked:
-    """Scenario of a request.
+def checked(
+    asked: Asked,
+    types: Mapping[str, PumpType] = PUMP_TYPES,
+    circuits: Mapping[str, CircuitSet] = CIRCUIT_SETS,
+) -> Checked:
+    """Scenario of a request; what the circuit's consumers let through adds to its system leakage.
 
     Raises
     ------
     Invalid
         naming every fault: unknown names, unequal lengths, values out of range, a run that is too long.
     """
-    named = [("pump_type", asked.pump_type, types), ("circuit", asked.circuit, CIRCUITS)]
+    named = [("pump_type", asked.pump_type, types), ("circuit", asked.circuit, circuits)]
     named += [("fluid", asked.fluid, FLUIDS)] if asked.fluid is not None else []
     faults = [
         Fault(where, f"{value!r} is not one of {', '.join(sorted(known))}")
@@ -81,7 +86,8 @@ def checked(asked: Asked, types: Mapping[str, PumpType] = PUMP_TYPES) -> Checked
         kind.nominal_speed_rpm, DEFAULT_TEMPERATURE_DEGC, reservoir_pressure_bar=kind.nominal_reservoir_pressure_bar
     )
     duration = asked.duration_s if 0.0 < asked.duration_s <= LONGEST_S else 1.0
-    scenario = Scenario(duration, condition, Health(), changes)
+    circuit = circuits.get(asked.circuit, CIRCUIT_SETS["shared_return"])
+    scenario = leaking(Scenario(duration, condition, Health(), changes), circuit.leak_lpm)
     try:
         scenario.table(int(kind.pump.piston.n))
     except ValueError as problem:
@@ -91,7 +97,7 @@ def checked(asked: Asked, types: Mapping[str, PumpType] = PUMP_TYPES) -> Checked
         faults.append(Fault("sample_rate_hz", f"{asked.sample_rate_hz:g} Hz give no sample within {duration:g} s"))
     if faults:
         raise Invalid(f"the simulation has {len(faults)} fault(s)", faults)
-    return Checked(with_fluid(kind, asked.fluid), asked.circuit, asked.fluid, scenario, asked.sample_rate_hz)
+    return Checked(circuit.around(with_fluid(kind, asked.fluid)), circuit, asked.fluid, scenario, asked.sample_rate_hz)
 
 
 def simulated_json(asked: Checked) -> bytes:
@@ -102,16 +108,15 @@ def simulated_json(asked: Checked) -> bytes:
     Invalid
         when there is no operating point to start from, or the run stops on its way, with what to do.
     """
-    circuit = circuit_parameters(asked.circuit)
     try:
-        run = simulate(asked.kind.pump, circuit, asked.scenario, sample_rate_hz=asked.sample_rate_hz)
+        run = simulate(asked.kind.pump, asked.circuit.circuit, asked.scenario, sample_rate_hz=asked.sample_rate_hz)
     except ValueError as problem:
         raise Invalid(str(problem), [Fault("schedule", str(problem))]) from None
     if not run.status.ok:
         raise Invalid(run.status.advice, [Fault("schedule", run.status.advice)])
     about = {
         "pump_type": asked.kind.name,
-        "circuit": asked.circuit,
+        "circuit": asked.circuit.name,
         "fluid": asked.fluid,
         "duration_s": asked.scenario.duration_s,
         "sample_rate_hz": asked.sample_rate_hz,

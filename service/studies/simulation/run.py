@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from service.ingest.metadata import TEXTS_REQUIRED
-from service.pump_types.parameter_files import named_or_written
+from service.pump_types.parameter_files import circuit_named_or_written, named_or_written
 from service.studies.simulation import picture as pictures
 from service.studies.simulation import writer as writers
+from service.studies.simulation.consumers import leaking
 from service.studies.simulation.picture import Thinned, drawn
 from service.studies.simulation.scenario_file import ScenarioFaultsError, ScenarioFile, read_scenario
 from service.studies.simulation.writer import record_writer
 from twin.parameters import PumpType
-from twin.pumps import PUMP_TYPES, circuit_parameters
-from twin.pumps.circuits import CIRCUITS
+from twin.pumps import PUMP_TYPES
 from twin.simulation.instrumentation import HELICOPTER, TEST_BENCH, Instrumentation, SensorModel
 from twin.simulation.run import Run, Status, pieces
 
@@ -54,12 +54,8 @@ def asked(
         with every fault of the file and of what stands beside it in the call.
     """
     faults = []
-    for name, value, known in (
-        ("circuit", circuit, CIRCUITS),
-        ("sensors", sensors, SENSORS),
-    ):
-        if value not in known:
-            faults.append(f"--{name} {value}: is not known (known: {', '.join(known)})")
+    if sensors not in SENSORS:
+        faults.append(f"--sensors {sensors}: is not known (known: {', '.join(SENSORS)})")
     if output.suffix.lower() not in writers.SUFFIXES:
         faults.append(f"--output {output}: ends neither in {' nor in '.join(writers.SUFFIXES)}")
     if picture is not None and picture.suffix.lower() not in pictures.SUFFIXES:
@@ -69,6 +65,10 @@ def asked(
         kind = named_or_written(pump)
     except ValueError as error:
         faults.insert(0, f"--pump {error}")
+    try:
+        circuit_named_or_written(circuit)
+    except ValueError as error:
+        faults.insert(0, f"--circuit {error}")
     try:
         file = read_scenario(path.read_text(encoding="utf-8"), int(kind.pump.piston.n))
     except UnicodeDecodeError:
@@ -101,10 +101,11 @@ def run_file(
     RuntimeError, OSError
         when the record cannot be written.
     """
-    scenario = file.scenario
+    around = circuit_named_or_written(circuit)
+    scenario = leaking(file.scenario, around.leak_lpm)
     stream = pieces(
-        kind.pump,
-        circuit_parameters(circuit),
+        around.around(kind).pump,
+        around.circuit,
         scenario,
         sample_rate_hz=file.sample_rate_hz,
         step_s=file.step_s,
@@ -142,5 +143,10 @@ def _metadata(file: ScenarioFile, kind: PumpType, circuit: str, sensors: str) ->
     low, high = _AMBIENT_OF_RECORDS_BAR
     if "ambient_pressure_bar" not in scenario.changes and low <= ambient <= high:
         known["ambient_pressure_bar"] = f"{ambient:.9g}"
-    origin = {"source": "simulation", "scenario": scenario.title, "circuit": circuit, "sensors": sensors}
+    origin = {
+        "source": "simulation",
+        "scenario": scenario.title,
+        "circuit": circuit_named_or_written(circuit).name,
+        "sensors": sensors,
+    }
     return {**file.metadata, **known, **{name: value for name, value in origin.items() if value}}

@@ -13,7 +13,7 @@ from detectors.judgement.version import twin_version
 from service.identity import sentence
 from service.studies.validation.drawing import plot_svg
 from twin.pumps import PUMP_TYPES
-from twin.validation.evidence import Evidence, Row
+from twin.validation.evidence import CLASSES, Class, Evidence, Row
 
 _TEMPLATES = Environment(
     loader=PackageLoader("service.studies.validation"),
@@ -25,25 +25,54 @@ _TEMPLATES = Environment(
 
 
 @dataclass(frozen=True, slots=True)
-class Counts:
-    """How many rows are what: validated ones met or not, fitted ones met or not, and rows that only state."""
+class Count:
+    """How many rows of one class are met, of how many that promise something."""
 
     met: int
-    not_met: int
-    fitted_met: int
-    fitted_not_met: int
+    promised: int
+
+    @property
+    def missed(self) -> int:
+        """Rows that promise something and are not met."""
+        return self.promised - self.met
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """Rows by class, apart: what nothing was fitted to, what was, what is plausible; and rows that only state."""
+
+    independent: Count
+    fitted: Count
+    plausible: Count
     stated: int
+
+    @property
+    def sentence(self) -> str:
+        """All counts in one line, n of m met in each class."""
+        parts = [f"{name} {count.met} of {count.promised}" for name, count in self.by_class().items()]
+        return f"met: {', '.join(parts)}; {self.stated} only stated"
+
+    def by_class(self) -> dict[Class, Count]:
+        """Counts under the name of their class, in the order of ``CLASSES``."""
+        return {"independent": self.independent, "fitted": self.fitted, "plausible": self.plausible}
 
 
 def counts_of(evidence: Mapping[str, Evidence]) -> Counts:
-    """Count the rows of all evidence."""
+    """Count the rows of all evidence by class."""
     rows = [row for e in evidence.values() for row in e.rows]
 
-    def count(within: bool, fitted: bool) -> int:
-        return sum(row.within is within and row.fitted is fitted for row in rows)
+    def count(of: Class) -> Count:
+        judged = [row.within for row in rows if row.evidence_class == of and row.within is not None]
+        return Count(sum(judged), len(judged))
 
-    stated = sum(row.within is None for row in rows)
-    return Counts(count(True, False), count(False, False), count(True, True), count(False, True), stated)
+    independent, fitted, plausible = (count(of) for of in CLASSES)
+    return Counts(independent, fitted, plausible, sum(row.within is None for row in rows))
+
+
+def news(evidence: Mapping[str, Evidence]) -> list[str]:
+    """Quantities that are not met and not known to be missed: what fails a run. A fitted row fails nothing."""
+    rows = (row for e in evidence.values() for row in e.rows)
+    return [row.quantity for row in rows if row.within is False and not row.known_miss and not row.fitted]
 
 
 def rows_json(evidence: Mapping[str, Evidence]) -> list[dict[str, Any]]:
@@ -58,6 +87,9 @@ def rows_json(evidence: Mapping[str, Evidence]) -> list[dict[str, Any]]:
             "tolerance": _number(row.tolerance),
             "within": row.within,
             "fitted": row.fitted,
+            "class": row.evidence_class,
+            "known_miss": row.known_miss,
+            "note": row.note,
         }
         for e in evidence.values()
         for row in e.rows
@@ -119,7 +151,7 @@ def _cells(row: Row) -> dict[str, str]:
         kind, verdict = "stated", "only stated"
     else:
         kind = "met" if within else "missed"
-        verdict = ("met" if within else "not met") + (", fitted" if row.fitted else "")
+        verdict = "met" if within else "not met, known" if row.known_miss else "not met"
     bound = {-1: "at most ", 0: "", 1: "at least "}[row.limit]
     tolerance = "–" if within is None or (row.limit and row.tolerance == 0.0) else f"±{_shown(row.tolerance, 2)}"
     return {
@@ -130,6 +162,7 @@ def _cells(row: Row) -> dict[str, str]:
         "value": _shown(row.value, 4),
         "tolerance": tolerance,
         "kind": kind,
+        "class": "–" if within is None else row.evidence_class,
         "verdict": verdict,
         "note": row.note,
     }

@@ -16,8 +16,7 @@ from service.reports.words import WORDS
 from service.web.dashboard.forms import checked
 from service.web.dashboard.frame import PageRoute, html_page
 from service.web.dependencies import Asker, ContextOf
-from service.web.routes import pump_types, twin, twin_isolability
-from twin.pumps.circuits import CIRCUITS
+from service.web.routes import circuits, pump_types, twin, twin_isolability
 from twin.pumps.fluids import FLUIDS
 
 engineer_router = APIRouter(include_in_schema=False, route_class=PageRoute)
@@ -109,7 +108,7 @@ def engineer_page(
         "health": HEALTH,
         "outputs": OUTPUTS,
         "pump_types": [t["id"] for t in pump_types.listed(context, asker)["items"]],
-        "circuits": sorted(CIRCUITS),
+        "circuits": [c["id"] for c in circuits.listed(context, asker)["items"]],
         "fluids": sorted(FLUIDS),
     }
     return html_page("engineer.html", status, values)

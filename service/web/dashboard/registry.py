@@ -9,7 +9,6 @@ from detectors.words.observation import ACTIONS
 from service.access.security import Principal
 from service.context import Context
 from service.errors import Fault, Invalid
-from service.history.setting import CIRCUITS
 from service.registry import aircraft as aircraft_entries
 from service.registry import findings, installations, maintenance
 from service.registry import pumps as pump_entries
@@ -18,7 +17,7 @@ from service.web.dashboard.forms import Sent, SentForm, checked, done, zoned
 from service.web.dashboard.frame import PageRoute, html_page
 from service.web.dashboard.links import address
 from service.web.dependencies import Asker, ContextOf
-from service.web.routes import aircraft, history, pump_types, pumps
+from service.web.routes import aircraft, circuits, history, pump_types, pumps
 from twin.pumps.fluids import FLUIDS
 
 registry_router = APIRouter(include_in_schema=False, route_class=PageRoute)
@@ -194,5 +193,5 @@ def _choices(request: Request, context: Context, asker: Principal) -> dict[str, 
         "sees_all": asker.operator is None,
         "pump_types": [t["id"] for t in pump_types.listed(context, asker)["items"]],
         "fluids": sorted(FLUIDS),
-        "circuits": CIRCUITS,
+        "circuits": [c["id"] for c in circuits.listed(context, asker)["items"]],
     }

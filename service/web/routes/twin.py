@@ -1,19 +1,19 @@
 """The twin itself: operating points for any condition and health."""
 
-from typing import Literal, cast
+from typing import cast
 
 from fastapi import APIRouter
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
 from service.answers import twin as answers
 from service.bodies import FluidName
-from service.errors import Invalid
+from service.errors import Fault, Invalid
+from service.pump_types.circuits import circuits
 from service.pump_types.parameter_sets import asked_type
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
-from twin.operating_point import operating_points, problem
-from twin.pumps import circuit_parameters
+from twin.operating_point import operating_points, outside, problem
 from twin.pumps.fluids import with_fluid
 
 router = APIRouter(prefix="/twin", tags=["twin"], route_class=AnswerRoute)
@@ -46,7 +46,7 @@ class ConditionInput(BaseModel):
     fluid_temperature_degc: FiniteFloat
     reservoir_pressure_bar: FiniteFloat = 0.0
     discharge_flow_lpm: FiniteFloat = 0.0
-    circuit: Literal["shared_return", "separate_drain", "acceptance_stand"] = "shared_return"
+    circuit: str = "shared_return"
     fluid: FluidName | None = None
     health: HealthInput = HealthInput()
 
@@ -66,9 +66,17 @@ class OperatingPointRequest(BaseModel):
 
 @router.post("/operating-point", summary="Steady states of the twin")
 def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> answers.OperatingPoints:
-    """Solve every condition; one without a solution gets a problem in its place."""
+    """Solve every condition; one without a solution gets a problem in its place, one outside what was validated says so."""
     with context.database.reading() as session:
         kind = asked_type(session, asker.operator, body.pump_type, "pump_type")
+        known = circuits(session, asker.operator)
+    faults = [
+        Fault(f"body.conditions.{i}.circuit", f"{c.circuit!r} is not one of {', '.join(known)}")
+        for i, c in enumerate(body.conditions)
+        if c.circuit not in known
+    ]
+    if faults:
+        raise Invalid(f"the conditions have {len(faults)} fault(s)", faults)
     items: list[answers.OperatingPoint] = [{} for _ in body.conditions]
     around = [(c.circuit, c.fluid) for c in body.conditions]
     for circuit, fluid in sorted(set(around), key=str):
@@ -78,15 +86,20 @@ def solve(body: OperatingPointRequest, context: ContextOf, asker: Asker) -> answ
             Condition(c.speed_rpm, c.fluid_temperature_degc, c.reservoir_pressure_bar, c.discharge_flow_lpm)
             for c in asked
         ]
+        leak = known[circuit].leak_lpm
         healths = [Health(**c.health.model_dump()) for c in asked]
-        pump = with_fluid(kind, fluid).pump
-        points = operating_points(pump, input_rows(conditions, healths), circuit_parameters(circuit), derivatives=True)
+        healths = [h._replace(system_leakage_lpm=h.system_leakage_lpm + leak) for h in healths]
+        filled = with_fluid(kind, fluid)
+        points = operating_points(
+            filled.pump, input_rows(conditions, healths), known[circuit].circuit, derivatives=True
+        )
+        beyond = outside(filled, points)
         for k, place in enumerate(places):
-            items[place] = _item(points, k)
+            items[place] = _item(points, k, beyond[k])
     return {"items": items}
 
 
-def _item(points: OperatingPoints, k: int) -> answers.OperatingPoint:
+def _item(points: OperatingPoints, k: int, beyond: tuple[str, ...]) -> answers.OperatingPoint:
     fault = problem(points, k)
     if fault is not None or points.derivatives is None:
         return {"error": Invalid(fault or "no derivatives").body()}
@@ -96,4 +109,5 @@ def _item(points: OperatingPoints, k: int) -> answers.OperatingPoint:
     derivatives = {
         output: dict(zip(inputs, points.derivatives[k, i].tolist(), strict=True)) for i, output in enumerate(OUTPUTS)
     }
-    return cast("answers.OperatingPoint", values | {"leakage_lpm": leakage, "derivatives": derivatives})
+    found = values | {"leakage_lpm": leakage, "derivatives": derivatives}
+    return cast("answers.OperatingPoint", found | ({"outside": list(beyond)} if beyond else {}))

@@ -11,13 +11,13 @@ from detectors.isolability.table import REPEATABILITY_SHARE
 from service.answers import twin as answers
 from service.bodies import FluidName
 from service.errors import Fault, Invalid
+from service.pump_types.circuits import circuits
 from service.pump_types.parameter_sets import find_type, types
 from service.studies.isolability_document import isolability_document
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType, Sensor
-from twin.pumps import PUMP_TYPES, circuit_parameters
-from twin.pumps.circuits import CIRCUITS
+from twin.pumps import PUMP_TYPES
 from twin.pumps.fluids import with_fluid
 
 router = APIRouter(prefix="/twin", tags=["twin"], route_class=AnswerRoute)
@@ -26,12 +26,6 @@ _CHANNELS = {
     "discharge": "discharge_pressure_bar",
     "reservoir": "reservoir_pressure_bar",
 }
-
-
-def _circuit(name: str) -> str:
-    if name not in CIRCUITS:
-        raise ValueError(f"{name!r} is not one of {', '.join(sorted(CIRCUITS))}")
-    return name
 
 
 def _rising(ends: tuple[float, float]) -> tuple[float, float]:
@@ -80,7 +74,7 @@ class IsolabilityRequest(BaseModel):
         json_schema_extra={"examples": [{"flights": 30, "temperature_range_degc": [30.0, 80.0], "burst": True}]},
     )
     pump_type: str = "h225"
-    circuit: Annotated[str, AfterValidator(_circuit)] = "shared_return"
+    circuit: str = "shared_return"
     fluid: FluidName | None = None
     sensors: SensorsInput = SensorsInput()
     temperature_range_degc: Annotated[tuple[Temperature, Temperature], AfterValidator(_rising)] = (30.0, 80.0)
@@ -100,16 +94,19 @@ def study(body: IsolabilityRequest, context: ContextOf, asker: Asker) -> answers
     with context.database.reading() as session:
         asked = find_type(session, asker.operator, body.pump_type)
         known = ", ".join(t.name for t in types(session, asker.operator)) if asked is None else ""
+        around = circuits(session, asker.operator)
     # the rest of the study is looked at all the same: one answer names every fault
     kind = with_fluid(asked or PUMP_TYPES["h225"], body.fluid)
     wrong = [] if asked else [Fault("body.pump_type", f"{body.pump_type!r} is not one of {known}")]
+    if body.circuit not in around:
+        wrong.append(Fault("body.circuit", f"{body.circuit!r} is not one of {', '.join(around)}"))
     try:
-        found = isolability(_plan(body, kind), kind, circuit_parameters(body.circuit))
+        found = isolability(_plan(body, kind), kind, around.get(body.circuit, around["shared_return"]).circuit)
     except PlanFaultsError as error:
         faults = wrong + [Fault(_place(where), problem) for where, problem in error.faults]
         raise Invalid(f"the study has {len(faults)} fault(s)", faults) from None
     if wrong:
-        raise Invalid("the study has 1 fault(s)", wrong)
+        raise Invalid(f"the study has {len(wrong)} fault(s)", wrong)
     return {**isolability_document(found), "pump_type": body.pump_type, "circuit": body.circuit, "fluid": body.fluid}
 
 

@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from service.access.security import Principal
 from service.answers.twin import Simulation
 from service.context import Context
+from service.pump_types.circuits import circuits
 from service.pump_types.parameter_sets import types
 from service.studies.simulation.requested import Asked, Checked, checked, simulated_json
 from service.web.answer_route import AnswerRoute
@@ -69,7 +70,8 @@ async def simulation(body: SimulationRequest, context: ContextOf, asker: Asker) 
 
 def _checked(body: SimulationRequest, context: Context, asker: Principal) -> Checked:
     with context.database.reading() as session:
-        return checked(_asked(body), {kind.name: kind for kind in types(session, asker.operator)})
+        known = {kind.name: kind for kind in types(session, asker.operator)}
+        return checked(_asked(body), known, circuits(session, asker.operator))
 
 
 def _limiter() -> CapacityLimiter:

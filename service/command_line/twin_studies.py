@@ -1,0 +1,98 @@
+"""``casedrain sensitivity`` and what else an engineer asks of the steady twin."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from service.command_line.command import Command, Commands
+from service.command_line.console import Json, failure, listener, say, say_json
+
+app = typer.Typer(cls=Commands)
+
+
+@app.command(cls=Command)
+def sensitivity(
+    output: Annotated[list[str] | None, typer.Option(help="Output, e.g. case_flow_lpm; may be repeated")] = None,
+    free: Annotated[list[str] | None, typer.Option(help="Number that varies by its spread; may be repeated")] = None,
+    vary: Annotated[list[str] | None, typer.Option(help="Input that varies: NAME=LOW:HIGH; may be repeated")] = None,
+    pump: Annotated[str, typer.Option(help="Pump type: its name, or a file")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
+    at: Annotated[
+        list[str] | None, typer.Option(help="Condition: NAME=VALUE, e.g. discharge_flow_lpm=10; may be repeated")
+    ] = None,
+    method: Annotated[str, typer.Option(help="sobol or morris")] = "sobol",
+    samples: Annotated[int, typer.Option(help="Base samples (Sobol: a power of two), or trajectories (Morris)")] = 256,
+    json_: Annotated[
+        Path | None, typer.Option("--json", help="Also write all numbers: JSON; - is standard output", dir_okay=False)
+    ] = None,
+) -> None:
+    """Say which numbers and inputs move the twin's outputs, and how wide the outputs are; exit code 2 if wrong.
+
+    Without --at: nominal speed and reservoir, 50 degC, zero flow.
+
+    Numbers vary by the spread that is known of them, inputs between two values. Without --free and --vary: the pump's
+    gaps, bleed, setting, droop, friction and drain. The JSON: {"method", "factors", "points", "unsolved", "outputs":
+    {output: {"band": {"low", "median", "high"}, "indices": {name: [per factor]}}}}; the band holds 90 % of the runs.
+    """
+    from rich.table import Table  # noqa: PLC0415 - heavy, and only here
+
+    from service.studies.sensitivity import asked  # noqa: PLC0415
+    from service.studies.sensitivity import sensitivity as study  # noqa: PLC0415
+
+    outputs = output or ["discharge_pressure_bar", "case_pressure_bar", "case_flow_lpm"]
+    try:
+        kind, around, condition, factors = asked(pump, circuit, free, vary or [], at or [])
+        found = study(kind, around, condition, factors, outputs, method, samples)
+    except ValueError as error:
+        raise failure(str(error), 2) from None
+    to = listener(json_ is not None and str(json_) == "-")
+    for name, indices in found.indices.items():
+        low, median, high = found.bands[name]
+        table = Table(title=f"{name}: {median:.4g}, 90 % within {low:.4g} to {high:.4g}")
+        for heading in ("factor", *indices):
+            table.add_column(heading)
+        order = sorted(
+            range(len(found.factors)), key=lambda k: -abs(indices["ST" if method == "sobol" else "mu_star"][k])
+        )
+        for k in order:
+            table.add_row(found.factors[k], *(f"{values[k]:.3g}" for values in indices.values()))
+        to.print(table)
+    say(f"{found.points} points, {found.unsolved} without a steady state", to=to)
+    if json_ is not None and str(json_) == "-":
+        typer.echo(found.json(), nl=False)
+    elif json_ is not None:
+        json_.write_text(found.json(), encoding="utf-8")
+
+
+@app.command(cls=Command)
+def export_fmu(
+    output: Annotated[Path, typer.Argument(help="FMU to write: .fmu", dir_okay=False)],
+    fmi: Annotated[str, typer.Option(help="2.0 or 3.0; both are co-simulation")] = "3.0",
+    pump: Annotated[str, typer.Option(help="Pump type: its name, or a file")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
+    json_: Json = False,
+) -> None:
+    """Write the operating point as an FMU that needs no Python: a table in C; exit code 2 if wrong.
+
+    Inputs are speed, temperature, flow and reservoir pressure, parameters the health; outputs are the operating point's
+    and a status. With a C compiler it holds a binary of this machine beside the sources. With --json: {"output", "fmi",
+    "pump_type", "circuit", "platform"}; the platform is null without a compiler.
+    """
+    from service.pump_types.parameter_files import circuit_named_or_written, named_or_written  # noqa: PLC0415
+    from service.studies.fmu.export import export_fmu as export  # noqa: PLC0415 - heavy, and only here
+
+    if output.suffix.lower() != ".fmu":
+        raise failure(f"{output}: ends not in .fmu", 2)
+    try:
+        kind, around = named_or_written(pump), circuit_named_or_written(circuit)
+        platform = export(kind, around, fmi, output)
+    except ValueError as error:
+        raise failure(str(error), 2) from None
+    except OSError as error:
+        raise failure(str(error)) from None
+    words = f"with a binary for {platform}" if platform else "sources alone: there is no C compiler here"
+    say(f"{output}: FMI {fmi}, {kind.name} in {around.name}, {words}", to=listener(json_))
+    if json_:
+        document = {"output": str(output), "fmi": fmi, "pump_type": kind.name, "circuit": around.name}
+        say_json(document | {"platform": platform})
