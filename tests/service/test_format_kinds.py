@@ -198,6 +198,12 @@ def test_tdms_scales_of_the_file_are_applied_and_a_cut_segment_keeps_what_is_who
     assert any("cut short" in flag for flag in cut.flags)
 
 
+def test_tdms_a_file_cut_before_a_required_channel_says_so() -> None:
+    whole = tdms({"case_pressure_bar": (CASE, waveform()), "shaft_speed_rpm": (CASE, waveform())})
+    made = record(whole[: -8 * N], TDMS)
+    assert any("cut short" in fault.problem for fault in made.faults)
+
+
 def test_tdms_segments_without_number_are_refused() -> None:
     lead_in = b"TDSm" + struct.pack("<IIQQI", 0x2 | 0x4 | 0x8, 4713, 4, 4, 0)
     with pytest.raises(TooLarge, match="defragment"):
