@@ -244,8 +244,8 @@ def test_conditions_are_known_between_samples_up_to_their_stated_age() -> None:
             channels = {n: np.ones(400) for n in ("discharge_pressure_bar", "case_pressure_bar")}
             full = {**channels, "time_s": time, "shaft_speed_rpm": np.ones(400), "fluid_temperature_degc": np.ones(400)}
             filled = conditioned(Recording({**full, name: sparse}), PUMP)[name]
-            known = known or name == "reservoir_pressure_bar"  # which is known throughout
-            assert np.isfinite(filled[1:period]).all() == known, (name, period)
+            throughout = name == "reservoir_pressure_bar"
+            assert np.isfinite(filled[1:period]).all() == (known or throughout), (name, period)
             if known:
                 held = name in ("flight_control_activity", "commanded_flow_lpm")
                 assert filled[period // 2] == pytest.approx(1.0 if held else 1.0 + period // 2)
