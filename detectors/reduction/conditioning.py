@@ -31,6 +31,11 @@ LONGEST_AGE_S: Mapping[str, float] = {
 a pair of hands take seconds to change anything, a tank of fluid minutes). Pressures that are judged are never made up."""
 _HELD = ("flight_control_activity", "commanded_flow_lpm")
 """Conditions that change in steps: a sample stands until the next one."""
+_RESERVOIR = "reservoir_pressure_bar"
+_FEWEST_KNOWN = 3
+"""Samples of a reservoir pressure that say anything about the rest of the record (estimate)."""
+_WORTH_A_WORD_S = 10.0
+"""Lost time of the reservoir pressure that the record tells of [s]: as long as the shortest pump-off stretch."""
 _AGE_IN_STEPS = 2.5
 """Steps of a slow record that one lost sample may open up, jitter included."""
 _GAP_IN_STEPS = 1.5
@@ -80,7 +85,8 @@ def conditioned(recording: Recording, pump: PumpType) -> Recording:
 
     Single spikes of speed and temperature are taken out; speed, temperature and reservoir pressure are interpolated,
     control activity and commanded flow are held, each up to ``LONGEST_AGE_S`` (and 2.5 steps of a slow record). Samples
-    that are there stay as they are, bit for bit; the judged pressures and flows are left alone.
+    that are there stay as they are, bit for bit; the judged pressures and flows are left alone. The reservoir pressure is
+    known throughout or not at all.
     """
     if len(recording) < 2:
         return recording
@@ -95,7 +101,32 @@ def conditioned(recording: Recording, pump: PumpType) -> Recording:
             smallest = _SMALLEST_SPIKE[name] * (pump.nominal_speed_rpm if name == "shaft_speed_rpm" else 1.0)
             samples = without_single_spikes(samples, smallest)
         channels[name] = _known_between(time, samples, max(age, slow), held=name in _HELD)
-    return Recording(channels, recording.attributes, recording.flags)
+    flags = recording.flags
+    if _RESERVOIR in channels:
+        measured = int(np.isfinite(recording[_RESERVOIR]).sum())
+        flags = (*flags, *_reservoir_throughout(time, channels, measured))
+    return Recording(channels, recording.attributes, flags)
+
+
+def _reservoir_throughout(time: Samples, channels: dict[str, Samples], measured: int) -> list[str]:
+    """Give the reservoir pressure a value at every instant, or take the channel away; says which, where it matters.
+
+    Zero and windows are differences to it: measured in one and nominal in the other, it would be taken for the pump's.
+    """
+    samples = channels[_RESERVOIR]
+    known = np.isfinite(samples)
+    if known.all():
+        return []
+    if measured < _FEWEST_KNOWN:
+        del channels[_RESERVOIR]
+        return []
+    lost = gaps_of(time, samples).lost(float(time[0]), float(time[-1]))
+    channels[_RESERVOIR] = np.where(known, samples, np.interp(time, time[known], samples[known]))
+    if lost < _WORTH_A_WORD_S:
+        return []
+    return [
+        f"reservoir pressure is missing for {lost:.3g} of {time[-1] - time[0]:.3g} s: taken from its nearest samples"
+    ]
 
 
 def without_single_spikes(samples: Samples, smallest: float) -> Samples:

@@ -18,6 +18,8 @@ MISSING = frozenset(
 )  # fmt: skip
 """How exports write a missing sample, in lower case."""
 _INFINITE = {"1.#inf": np.inf, "-1.#inf": -np.inf}
+_MARKS_LIKE = {" ": "\u00a0\u2007\u2009\u202f", "'": "\u2019\u02bc"}
+"""Marks that exports print in place of the plain one: blanks that do not break, an apostrophe that is a quote."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
 
@@ -76,6 +78,8 @@ class Words:
         return np.nan if value in self.numbers_for_missing else value
 
     def _plain_number(self, word: str) -> float:
+        for mark in _MARKS_LIKE.get(self.thousands, ""):
+            word = word.replace(mark, self.thousands)
         if self.thousands and self.thousands in word:
             if not self._grouped.fullmatch(word):
                 raise ValueError(word)

@@ -10,8 +10,9 @@ import numpy as np
 
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
 from service.ingest.hdf5_heaps import check_heaps, longest_text
-from service.ingest.nested import MOST_TEXTS, Leaf, Tree, leaf_of, matrix, tables_of
+from service.ingest.nested import MOST_TEXTS, NAMES_OF_ENTRIES, Leaf, Tree, by_name, leaf_of, matrix, tables_of
 from service.ingest.raw import Limits, RawFile, check_size, plain
+from service.ingest.time_words import is_time_name
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS
 
 _DEEPEST = 20
@@ -78,6 +79,9 @@ class _Reader:
         tree: Tree = {}
         if not self._is_new(group, path, depth):
             return tree
+        entries = self._array_of_structs(group, path, depth)
+        if entries:
+            return by_name(path.rpartition("/")[2], entries)
         for name in group:
             item = self._member(group, name)
             if item is None:
@@ -89,6 +93,26 @@ class _Reader:
         for name, value in self._attributes(group).items():
             tree.setdefault(name, Leaf(value))
         return tree
+
+    def _array_of_structs(self, group: Any, path: str, depth: int) -> list[Tree]:
+        """Entries of MATLAB's array of structs, whose fields are references each; empty for any other group."""
+        if depth > _DEEPEST or not any(name in group for name in NAMES_OF_ENTRIES):
+            return []
+        fields = {name: self._member(group, name) for name in group}
+        held = [f for f in fields.values() if isinstance(f, self._h5py.Dataset) and not (f.is_virtual or f.external)]
+        sizes = {f.size for f in held if self._h5py.check_ref_dtype(f.dtype) is self._h5py.Reference}
+        are_references = all(self._h5py.check_ref_dtype(f.dtype) is self._h5py.Reference for f in held)
+        if len(held) != len(fields) or not are_references or len(sizes) != 1 or max(sizes) > _MOST_OBJECTS:
+            return []
+        entries: list[Tree] = [{} for _ in range(max(sizes))]
+        for name, field in fields.items():
+            for i, reference in enumerate(np.asarray(field[()]).reshape(-1)):
+                item = (
+                    self._item(self._file[reference], name, f"{path}({i + 1})/{name}", depth + 1) if reference else None
+                )
+                if item is not None:
+                    entries[i][name] = item
+        return entries
 
     def _item(self, item: Any, name: str, path: str, depth: int) -> "Leaf | Tree | None":
         if isinstance(item, self._h5py.Group):
@@ -187,7 +211,9 @@ class _Reader:
         if scale.dtype.kind not in "fiu":
             return None
         self._add(scale.size)
-        return leaf_of(_unpacked(np.asarray(scale[()]), scale.attrs), _unit(scale.attrs))
+        called = (_word(scale.attrs.get("NAME", b"")), scale.name.rpartition("/")[2])
+        unit = _unit(scale.attrs) or ("s" if any(map(is_time_name, called)) else "")
+        return leaf_of(_unpacked(np.asarray(scale[()]), scale.attrs), unit)
 
     def _member(self, group: Any, name: str) -> Any:
         """What a name leads to inside the file; following other links would read whatever the sender names here."""

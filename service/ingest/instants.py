@@ -22,6 +22,21 @@ SERIALS = {"excel_days": 25569.0, "matlab_days": 719529.0}
 """Days of local time, and their number on 1 January 1970."""
 _DAY = 86400.0
 _DATE = re.compile(r"(\d{1,4})([./-])(\d{1,2})\2(\d{1,4})(?:$|[T ,;]+)")
+_NAMED = re.compile(r"(\d{1,2})([ ./-])([A-Za-z]{3,9})\.?\2(\d{4}|\d{2})(?=$|[T ,;:])")
+_MONTHS = (
+    "january",
+    "february",
+    "march",
+    "april",
+    "may",
+    "june",
+    "july",
+    "august",
+    "september",
+    "october",
+    "november",
+    "december",
+)
 _COMPACT = re.compile(r"(\d{4})(\d{2})(\d{2})(?:$|[T _-]+)")
 _CLOCK = re.compile(r"T?(\d{1,3}):(\d{1,2})(?::(\d{1,2})(?:[.,:](\d{1,9}))?)?\s*([AaPp])?\.?[Mm]?\.?")
 _COMPACT_CLOCK = re.compile(r"T?\d{6}([.,]\d+)?")
@@ -206,7 +221,12 @@ def _date_of(text: str, day_first: bool | None) -> tuple[datetime, int] | None:
         for a date that is none, or may be two.
     """
     found = _DATE.match(text)
-    if found is None:
+    named = _NAMED.match(text)
+    if named is not None:
+        month = _month(named[3], text)
+        year, day = int(named[4]) + (2000 if len(named[4]) == 2 else 0), int(named[1])
+        end = named.end()
+    elif found is None:
         compact = _COMPACT.match(text)
         if compact is None:
             return None
@@ -230,6 +250,14 @@ def _date_of(text: str, day_first: bool | None) -> tuple[datetime, int] | None:
         return datetime(year, month, day, tzinfo=UTC), end
     except ValueError:
         raise _UnreadableError(f"{text[:40]!r} is not in the calendar") from None
+
+
+def _month(name: str, text: str) -> int:
+    """Number of a month by its English name, or the beginning of it."""
+    found = [i for i, month in enumerate(_MONTHS, 1) if month.startswith(name.lower())]
+    if len(found) != 1:
+        raise _UnreadableError(f"{text[:40]!r} names no month in English: say its `format`")
+    return found[0]
 
 
 def _recognised(text: str, day_first: bool | None) -> tuple[float, bool, bool]:

@@ -21,6 +21,7 @@ from service.ingest.raw import (
     check_columns,
     check_size,
 )
+from twin.recording import OPTIONAL_CHANNELS
 
 _HALF_A_WORD = re.compile(r"[\w.+-]{0,20}\s*")
 _REPEATED = "\0repeated"
@@ -66,6 +67,8 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
     table = Table({})
     not_kept: dict[str, str] = {}
     for name, samples in raw.items():
+        if samples is None and name in OPTIONAL_CHANNELS:
+            samples = []  # noqa: PLW2901 - nothing, however it is said
         if isinstance(samples, list):
             check_size(len(samples), len(raw), limits)
             faults += _take(table, name, samples)

@@ -12,7 +12,7 @@ from service.errors import Fault, TooLarge, Undecodable, UnknownType
 from service.ingest import hdf5_format
 from service.ingest.file_formats import MATLAB
 from service.ingest.hdf5_format import opaque
-from service.ingest.nested import Leaf, Tree, leaf_of, tables_of
+from service.ingest.nested import Leaf, Tree, by_name, leaf_of, tables_of
 from service.ingest.raw import Limits, RawFile, check_size, plain
 
 _MAGIC_OF_HDF5 = b"MATLAB 7.3 MAT-file"
@@ -20,7 +20,6 @@ _HEADER_BYTES = 128
 _COMPRESSED = 15
 _CHUNK = 1 << 20
 _MOST_MEMBERS = 10_000
-_NAMES = ("name", "Name", "channel", "Channel", "label")
 _OPAQUE = "an object"
 """The name that SciPy's reader leaves to objects of MATLAB's."""
 
@@ -100,7 +99,7 @@ def _item(name: str, value: Any, limits: Limits) -> "Leaf | Tree":
     if value.dtype.names:
         members = [(entry, entry.dtype.names) for entry in value.reshape(-1)[:_MOST_MEMBERS]]
         structs = [_tree({n: entry[n] for n in names}, limits) for entry, names in members]
-        return structs[0] if len(structs) == 1 else _by_name(name, structs)
+        return structs[0] if len(structs) == 1 else by_name(name, structs)
     if value.dtype.kind == "O":
         if value.size > _MOST_MEMBERS:
             return Leaf(None, what="a cell array")
@@ -111,16 +110,6 @@ def _item(name: str, value: Any, limits: Limits) -> "Leaf | Tree":
     if isinstance(leaf.value, np.ndarray):
         check_size(len(leaf.value), 1, limits)
     return leaf
-
-
-def _by_name(name: str, structs: list[Tree]) -> Tree:
-    """Entries of an array of structs under what each calls itself, else under their place."""
-    found: Tree = {}
-    for i, entry in enumerate(structs):
-        called = next((leaf for key in _NAMES if isinstance(leaf := entry.get(key), Leaf)), Leaf(None)).value
-        place = f"{name}({i + 1})"
-        found[called if isinstance(called, str) and called and called not in found else place] = entry
-    return found
 
 
 def _class_of(value: Any) -> str:

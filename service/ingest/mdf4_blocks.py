@@ -42,8 +42,11 @@ def check_links(content: bytes) -> None:
     waiting = [_HEADER]
     while waiting:
         place = waiting.pop()
-        if place == 0 or place + _PREFIX.size > len(content):
+        if place == 0:
             continue
+        if place + _PREFIX.size > len(content):
+            fault = Fault("body", f"ends after {len(content)} bytes, before a block at {place}")
+            raise Undecodable("the MDF4 file is cut short or damaged: copy it again from the recorder", [fault])
         kind, links = _block(content, place)
         if kind not in _CHAINS:
             continue

@@ -15,6 +15,8 @@ from twin.recording import TIME
 
 MOST_TEXTS = 200_000
 """Entries of a column of text that are handed on, for a mapping to read; longer ones are named as not kept."""
+NAMES_OF_ENTRIES = ("name", "Name", "channel", "Channel", "label")
+"""Fields by which the entries of an array of structs call themselves."""
 _DATA = ("data", "value", "values", "samples")
 _TIMES = ("time", "times", "t", "timestamps")
 _UNITS = ("units", "unit")
@@ -67,6 +69,16 @@ def leaf_of(array: Any, unit: str = "", axis: Leaf | None = None) -> Leaf:
     if max(array.shape, default=0) != array.size:
         return Leaf(None, what=matrix(array.shape))
     return Leaf(np.array(array.reshape(-1), dtype=np.float64), unit, axis=axis)
+
+
+def by_name(name: str, structs: list[Tree]) -> Tree:
+    """Entries of an array of structs under what each calls itself, else under their place."""
+    found: Tree = {}
+    for i, entry in enumerate(structs):
+        called = next((leaf for key in NAMES_OF_ENTRIES if isinstance(leaf := entry.get(key), Leaf)), Leaf(None)).value
+        place = f"{name}({i + 1})"
+        found[called if isinstance(called, str) and called and called not in found else place] = entry
+    return found
 
 
 def matrix(shape: tuple[int, ...]) -> str:

@@ -5,7 +5,9 @@ of its own in it.
 """
 
 import io
+import json
 from collections import Counter
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -50,6 +52,7 @@ class _Reader:
     def __init__(self, pa: Any, limits: Limits) -> None:
         self._pa, self._limits = pa, limits
         self._not_kept: dict[str, str] = {}
+        self._index: Collection[str] = ()
 
     def file(self, table: Any) -> RawFile:
         """The table and those that are nested in its single row."""
@@ -58,6 +61,7 @@ class _Reader:
             for key, value in (table.schema.metadata or {}).items()
             if not key.startswith((b"ARROW:", b"pandas"))
         }
+        self._index = _index_of_pandas(table.schema.metadata or {})
         names = Counter(table.column_names)
         faults = [Fault(f"column {name}", "appears twice") for name, n in names.items() if n > 1]
         columns, units = self._leaves(table)
@@ -122,7 +126,7 @@ class _Reader:
             if self._pa.types.is_timestamp(kind) or self._pa.types.is_date(kind):
                 instants, utc = self._instants(values, kind)
                 clock = clock_of_instants(instants, utc=utc)
-                if clock is not None and is_time_name(_of_pandas(column)) and (column == TIME or TIME not in columns):
+                if clock is not None and self._may_be_a_clock(column) and (column == TIME or TIME not in columns):
                     time, start = clock
                 self._say(column, texts, instants, utc)
             elif self._pa.types.is_duration(kind):
@@ -143,6 +147,9 @@ class _Reader:
             clock = clock_in(channels[stated], units[stated]) if stated is not None else None
             time, start = clock or (None, None)
         return Table(channels, texts, name, time, start, units=units)
+
+    def _may_be_a_clock(self, column: str) -> bool:
+        return is_time_name(column) or column in self._index
 
     def _instants(self, values: Any, kind: Any) -> tuple[Any, bool]:
         """Column as datetime64, shape (n,), and whether that is UTC: Parquet keeps instants with a zone so."""
@@ -183,6 +190,10 @@ class _Reader:
         return values.to_numpy() if hasattr(values, "chunks") else values.to_numpy(zero_copy_only=False)
 
 
-def _of_pandas(name: str) -> str:
-    """``index`` for what pandas calls an index without a name."""
-    return "index" if name == "__index_level_0__" else name
+def _index_of_pandas(metadata: dict[bytes, bytes]) -> list[str]:
+    """Columns that pandas wrote as the index of a frame, whatever they are called."""
+    try:
+        columns = json.loads(metadata.get(b"pandas", b"{}")).get("index_columns", [])
+    except (ValueError, AttributeError, RecursionError):
+        return []
+    return [name for name in columns if isinstance(name, str)] if isinstance(columns, list) else []

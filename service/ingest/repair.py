@@ -34,7 +34,7 @@ def repaired(raw: RawRecord) -> RawRecord:
     flags = list(raw.flags)
     channels = dict(raw.channels)
     for name in OPTIONAL_CHANNELS:
-        if name in channels and len(channels[name]) and np.isnan(channels[name]).all():
+        if name in channels and np.isnan(channels[name]).all():
             del channels[name]
             flags.append(f"{name} holds no number at all: taken as not recorded")
     time = channels.get(TIME)
@@ -49,13 +49,15 @@ def _timed(time: Samples, flags: list[str]) -> Samples:
     """Single missing times from their neighbours'."""
     known = np.isfinite(time)
     n = int((~known).sum())
-    if n == 0 or np.isinf(time).any() or n > max(1.0, _MOST_UNTIMED * len(time)) or not known[0]:
+    if n == 0 or np.isinf(time).any() or n > max(1.0, _MOST_UNTIMED * len(time)):
         return time
     index = np.arange(len(time))
     filled = np.interp(index, index[known], time[known])
-    # beyond the last known time a row follows by the usual step
-    last = int(np.flatnonzero(known)[-1])
-    filled[last + 1 :] = time[last] + _step(time[known]) * np.arange(1, len(time) - last)
+    # before the first and beyond the last known time rows stand by the usual step
+    first, last = np.flatnonzero(known)[[0, -1]]
+    step = _step(time[known])
+    filled[:first] = time[first] - step * np.arange(first, 0, -1)
+    filled[last + 1 :] = time[last] + step * np.arange(1, len(time) - last)
     flags.append(f"{_rows(n)} without a time: taken from the neighbours")
     return filled
 

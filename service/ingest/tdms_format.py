@@ -13,7 +13,7 @@ from service.ingest.file_formats import TDMS
 from service.ingest.nested import MOST_TEXTS
 from service.ingest.raw import Limits, RawFile, Samples, Table, check_size, plain
 from service.ingest.time_words import clock_of_instants, is_time_name, texts_of_instants
-from twin.recording import TIME
+from twin.recording import REQUIRED_CHANNELS, TIME
 
 _START, _OFFSET, _STEP = "wf_start_time", "wf_start_offset", "wf_increment"
 _LEAD_IN = 28
@@ -54,7 +54,12 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
     for table in tables:
         if table.start is not None:
             metadata.setdefault(_START, table.start.isoformat().replace("+00:00", "Z"))
-    return RawFile(metadata, tables, [], not_kept, flags)
+    faults = []
+    lost = {n for t in tables for n, samples in t.channels.items() if not np.isfinite(samples).any()}
+    if cut and lost.intersection(REQUIRED_CHANNELS):
+        text = "was cut short in its last segment, before what is missing was written: copy it again from the recorder"
+        faults.append(Fault("body", text))
+    return RawFile(metadata, tables, faults, not_kept, flags)
 
 
 def _check_segments(content: bytes) -> None:

@@ -21,8 +21,9 @@ _PI = 3.141592653589793
 _PRESSURE: dict[float, str] = {
     1e-5: "Pa N/m2 pascal",
     1e-3: "hPa mbar millibar",
-    1e-2: "kPa kilopascal",
-    1.0: "bar bars",
+    1e-2: "kPa kN/m2 kilopascal",
+    0.1: "dbar decibar",
+    1.0: "bar bars daN/cm2",
     10.0: "MPa N/mm2 megapascal",
     _PSI: "psi lb/in2 lbf/in2 lbs/in2 lb/sqin lbf/sqin pounds/in2 poundspersquareinch",
     1000.0 * _PSI: "ksi kpsi",
@@ -35,7 +36,7 @@ _PRESSURE: dict[float, str] = {
 }
 _SPEED: dict[float, str] = {
     1.0: "rpm r/min rev/min revs/min revolutions/min revolution/minute turn/min turns/min 1/min min-1 /min U/min upm "
-    "Umdr/min tr/min tours/min t/min giri/min g/min vueltas/min rev.p.m",
+    "Umdr/min tr/min tours/min t/min giri/min g/min tpm об/мин vueltas/min rev.p.m",
     1000.0: "krpm rpmx1000 rpm*1000 x1000rpm",
     100.0: "rpmx100 rpm*100 x100rpm",
     60.0: "Hz hertz cps rps r/s rev/s revs/s 1/s s-1 /s U/s tr/s",
@@ -74,9 +75,9 @@ _SHARE: dict[float, str] = {
     0.001: "permille",
 }
 _TEMPERATURE: dict[tuple[float, float], str] = {
-    (1.0, 0.0): "degC C celsius °C oC degcelsius degreec degreescelsius gradc centigrade",
+    (1.0, 0.0): "degC C celsius °C oC *C degcelsius degreec degreescelsius gradc centigrade",
     (1.0, -273.15): "K kelvin degK °K",
-    (5.0 / 9.0, -160.0 / 9.0): "degF F fahrenheit °F oF degfahrenheit degreef degreesfahrenheit gradf",
+    (5.0 / 9.0, -160.0 / 9.0): "degF F fahrenheit °F oF *F degfahrenheit degreef degreesfahrenheit gradf",
     (5.0 / 9.0, -273.15): "degR R rankine °R",
 }
 _MEANS_OTHERWISE = {

@@ -244,7 +244,8 @@ def test_conditions_are_known_between_samples_up_to_their_stated_age() -> None:
             channels = {n: np.ones(400) for n in ("discharge_pressure_bar", "case_pressure_bar")}
             full = {**channels, "time_s": time, "shaft_speed_rpm": np.ones(400), "fluid_temperature_degc": np.ones(400)}
             filled = conditioned(Recording({**full, name: sparse}), PUMP)[name]
-            assert np.isfinite(filled[1:period]).all() == known, (name, period)
+            throughout = name == "reservoir_pressure_bar"
+            assert np.isfinite(filled[1:period]).all() == (known or throughout), (name, period)
             if known:
                 held = name in ("flight_control_activity", "commanded_flow_lpm")
                 assert filled[period // 2] == pytest.approx(1.0 if held else 1.0 + period // 2)
@@ -292,3 +293,23 @@ def test_a_case_sensor_that_starts_late_has_no_zero_and_the_pump_stood_all_the_s
     assert not found.zero.measured
     assert "no case pressure while the pump stood: the case sensor's offset is unknown on this record" in found.flags
     assert found.zero_flow is not None
+
+
+@pytest.mark.parametrize("gone", [(60.0, 300.0), (0.0, 60.0), (0.0, 100.0), (30.0, 130.0)])
+def test_a_reservoir_pressure_of_a_part_is_the_same_for_zero_and_window(gone: tuple[float, float]) -> None:
+    channels = flight(1.0)
+    window, whole = window_of(channels)
+    inside = (channels["time_s"] >= gone[0]) & (channels["time_s"] < gone[1])
+    channels["reservoir_pressure_bar"] = np.where(inside, np.nan, channels["reservoir_pressure_bar"])
+    part_window, part = window_of(channels)
+    assert part.zero.offset_bar == pytest.approx(whole.zero.offset_bar, abs=0.01)
+    for name in ("case_pressure_bar", "reservoir_pressure_bar"):
+        assert part_window.means[name].mean == pytest.approx(window.means[name].mean, abs=0.01)
+    assert any("taken from its nearest samples" in flag for flag in part.flags)
+
+
+def test_a_reservoir_pressure_of_two_samples_is_not_measured() -> None:
+    channels = flight(1.0)
+    channels["reservoir_pressure_bar"][2:] = np.nan
+    _, found = window_of(channels)
+    assert "reservoir pressure not measured" in found.flags

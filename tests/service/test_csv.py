@@ -135,6 +135,10 @@ def test_a_number_is_missing_only_where_the_dialect_says_so() -> None:
 def test_marks_of_thousands_are_held_to_groups() -> None:
     found = table("time_s;x\n0;1.234.567,5\n1;12,25\n", delimiter=";", decimal=",", thousands=".")
     assert list(found.channels["x"]) == [1234567.5, 12.25]
+    for blank in " \u00a0\u2009\u202f":
+        text = f"time_s;x\n0;1{blank}234{blank}567,5\n1;12,25\n"
+        assert list(table(text, delimiter=";", decimal=",", thousands=" ").channels["x"]) == [1234567.5, 12.25]
+    assert Words(thousands="'").number("4\u2019592.5") == 4592.5
     file = read("time_s;case_pressure_bar\n0;1.23\n", delimiter=";", decimal=",")
     assert "is not a number" in problems(file)["line 2, case_pressure_bar"]
     with pytest.raises(ValueError, match="12,34"):

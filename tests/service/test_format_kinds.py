@@ -98,6 +98,13 @@ def test_mdf4_arrays_structures_and_bytes_are_named_and_refuse_nothing() -> None
     assert np.array_equal(made.channels["case_pressure_bar"], CASE)
 
 
+def test_mdf4_a_file_that_was_cut_says_so() -> None:
+    content = mdf4([signal(CASE, "case_pressure_bar")])
+    for size in range(200, len(content) - 200, len(content) // 9):
+        with pytest.raises(Undecodable, match="cut short"):
+            read(content[:size], MDF4)
+
+
 def test_mdf4_links_in_a_circle_and_unfinished_files_end_in_time() -> None:
     content = bytearray(mdf4([signal(CASE, "case_pressure_bar")]))
     for block, link in ((b"##DG", 0), (b"##CN", 0), (b"##CN", 1)):
@@ -191,6 +198,12 @@ def test_tdms_scales_of_the_file_are_applied_and_a_cut_segment_keeps_what_is_who
     assert any("cut short" in flag for flag in cut.flags)
 
 
+def test_tdms_a_file_cut_before_a_required_channel_says_so() -> None:
+    whole = tdms({"case_pressure_bar": (CASE, waveform()), "shaft_speed_rpm": (CASE, waveform())})
+    made = record(whole[: -8 * N], TDMS)
+    assert any("cut short" in fault.problem for fault in made.faults)
+
+
 def test_tdms_segments_without_number_are_refused() -> None:
     lead_in = b"TDSm" + struct.pack("<IIQQI", 0x2 | 0x4 | 0x8, 4713, 4, 4, 0)
     with pytest.raises(TooLarge, match="defragment"):
@@ -227,6 +240,17 @@ def test_hdf5_dimension_scales_and_packed_numbers_as_netcdf_writes_them() -> Non
     case = made.channels["case_pressure_bar"][1:]
     assert np.isnan(case[7])
     assert np.allclose(np.delete(case, 7), np.delete(np.round(CASE * 1000) / 1000, 7))
+
+
+@pytest.mark.parametrize("called", [("axis", "time"), ("t", "")])
+def test_hdf5_a_dimension_scale_called_time_needs_no_unit(called: tuple[str, str]) -> None:
+    def write(file: Any) -> None:
+        file[called[0]] = TIME / 2
+        file[called[0]].make_scale(called[1])
+        file["case_pressure_bar"] = CASE
+        file["case_pressure_bar"].dims[0].attach_scale(file[called[0]])
+
+    assert np.array_equal(record(hdf5(write), HDF5).channels["time_s"], TIME / 2)
 
 
 def test_hdf5_groups_at_any_depth_scalars_enumerations_matrices_and_tables() -> None:
@@ -328,6 +352,26 @@ def test_matlab_arrays_of_structs_are_channels_by_their_names() -> None:
     assert made.metadata["pump_serial"] == 4711.0
 
 
+def test_matlab_7_3_keeps_an_array_of_structs_as_references_field_by_field() -> None:
+    def write(file: Any) -> None:
+        held = {"name": ["case_pressure_bar", "discharge_pressure_bar"], "data": [CASE, CASE * 2], "time": [TIME, TIME]}
+        signals = file.create_group("record/signals")
+        for field, entries in held.items():
+            places = []
+            for i, entry in enumerate(entries):
+                is_text = isinstance(entry, str)
+                values = np.array([ord(c) for c in entry], np.uint16) if is_text else entry
+                place = file.create_dataset(f"#refs#/{field}{i}", data=values.reshape(-1, 1))
+                place.attrs["MATLAB_class"] = np.bytes_("char" if is_text else "double")
+                places.append(place.ref)
+            signals.create_dataset(field, data=np.array(places, dtype=h5py.ref_dtype).reshape(-1, 1))
+
+    made = record(hdf5(write), HDF5)
+    assert np.array_equal(made.channels["case_pressure_bar"], CASE)
+    assert np.array_equal(made.channels["discharge_pressure_bar"], CASE * 2)
+    assert np.array_equal(made.channels["time_s"], TIME)
+
+
 def test_matlab_timeseries_as_structs_and_day_numbers_where_the_file_says_so() -> None:
     days = 739_374.0 + (7 * 3600 + 11 * 60 + TIME) / 86_400.0  # 2 May 2024, 07:11
     series = {"Data": CASE, "Time": days, "TimeInfo": {"Units": "datenum"}, "DataInfo": {"Units": "bar"}}
@@ -405,8 +449,9 @@ def test_parquet_instants_and_durations_called_time_s_are_time() -> None:
     assert np.array_equal(made.channels["time_s"], TIME)
 
 
-def test_parquet_a_frame_of_pandas_is_read_by_its_index() -> None:
-    index = pd.date_range("2026-05-02T07:11:00Z", periods=N, freq="500ms", name="time")
+@pytest.mark.parametrize("name", ["time", "wann", None])
+def test_parquet_a_frame_of_pandas_is_read_by_its_index(name: str | None) -> None:
+    index = pd.date_range("2026-05-02T07:11:00Z", periods=N, freq="500ms", name=name)
     out = io.BytesIO()
     pd.DataFrame({"case_pressure_bar": CASE}, index=index).to_parquet(out)
     made = record(out.getvalue(), PARQUET)

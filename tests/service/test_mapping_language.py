@@ -198,6 +198,9 @@ ZONES = {
             ("%m/%d/%Y %I:%M:%S %p", False),
             ("%Y%m%dT%H%M%S", None),
             ("%d-%b-%Y %H:%M:%S", "format"),
+            ("%d-%b-%Y %H:%M:%S.%f", None),
+            ("%d %B %Y %H:%M:%S", None),
+            ("%d/%b/%Y:%H:%M:%S", "format"),
         ]
     ),
 )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from service.errors import Invalid
-from service.ingest.decode import Limits, decode
+from service.ingest.decode import DecodedRecord, Limits, decode
 from service.ingest.raw import RawRecord
 from service.ingest.repair import repaired
 
@@ -113,10 +113,10 @@ def test_a_clock_coarser_than_its_rows_is_spread() -> None:
 
 def test_single_missing_times_are_taken_from_their_neighbours() -> None:
     channels = plain()
-    channels["time_s"][[20, 75, N - 1]] = np.nan
+    channels["time_s"][[0, 20, 75, N - 1]] = np.nan
     found, flags = mended(channels)
     assert_same(found, plain())
-    assert flags == ["3 rows without a time: taken from the neighbours"]
+    assert flags == ["4 rows without a time: taken from the neighbours"]
 
 
 @pytest.mark.parametrize(
@@ -124,23 +124,35 @@ def test_single_missing_times_are_taken_from_their_neighbours() -> None:
     ["reservoir_pressure_bar", "case_flow_lpm", "discharge_flow_lpm", "commanded_flow_lpm", "flight_control_activity"],
 )
 def test_an_empty_optional_column_is_a_sensor_that_is_not_there(name: str) -> None:
-    found, flags = mended({**plain(), name: np.full(N, np.nan)})
-    assert name not in found
-    assert flags == [f"{name} holds no number at all: taken as not recorded"]
+    for empty in (np.full(N, np.nan), np.empty(0)):
+        found, flags = mended({**plain(), name: empty})
+        assert name not in found
+        assert flags == [f"{name} holds no number at all: taken as not recorded"]
 
 
-def faults_of(time: list[float | None]) -> dict[str, str]:
-    channels: dict[str, Any] = {name: samples.tolist() for name, samples in plain().items()}
+def decoded_json(channels: dict[str, Any]) -> DecodedRecord:
     document = {
         "pump_serial": "P-1",
         "aircraft": "F-1",
         "position": "LH",
         "flight_id": "1",
         "started_at": "2026-05-02T07:11:00Z",
-        "channels": {**channels, "time_s": time},
+        "channels": channels,
     }
+    return decode(json.dumps(document).encode(), "application/json", "", {}, Limits(2**26, 10**6))
+
+
+@pytest.mark.parametrize("nothing", [None, [], [None] * N, ["n/a"] * N])
+def test_an_optional_channel_of_a_json_document_may_hold_nothing(nothing: Any) -> None:
+    found = {name: samples.tolist() for name, samples in plain().items()} | {"reservoir_pressure_bar": nothing}
+    decoded = decoded_json(found)
+    assert "reservoir_pressure_bar" not in decoded.recording.channels
+
+
+def faults_of(time: list[float | None]) -> dict[str, str]:
+    channels: dict[str, Any] = {name: samples.tolist() for name, samples in plain().items()}
     try:
-        decode(json.dumps(document).encode(), "application/json", "", {}, Limits(2**26, 10**6))
+        decoded_json({**channels, "time_s": time})
     except Invalid as problem:
         return {fault.where: fault.problem for fault in problem.errors}
     return {}

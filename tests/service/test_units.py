@@ -21,7 +21,7 @@ TRUTH: dict[str, list[tuple[float, str]]] = {
         (0.001333224, "mmHg torr Torr"),
     ],
     "shaft_speed_rpm": [
-        (1.0, "rpm RPM r/min rev/min U/min u/min 1/min min-1 min^-1 min⁻¹ min**-1 tr/min"),
+        (1.0, "rpm RPM r/min rev/min U/min u/min 1/min min-1 min^-1 min⁻¹ min**-1 tr/min об/мин tpm"),
         (60.0, "Hz HZ 1/s s-1 rev/s rps"),
         (9.549296585513721, "rad/s RAD/S"),
         (1.0 / 6.0, "deg/s °/s"),
@@ -45,7 +45,7 @@ TRUTH: dict[str, list[tuple[float, str]]] = {
 }
 CASES = [(channel, factor, word) for channel, rows in TRUTH.items() for factor, words in rows for word in words.split()]
 TEMPERATURES = {  # two fixed points of each scale: water freezes and boils
-    "degC °C ℃ C deg_C Deg_C celsius º_C": (0.0, 100.0),
+    "degC °C ℃ C *C deg_C Deg_C celsius º_C": (0.0, 100.0),
     "degF °F ℉ F deg_F DEGF fahrenheit": (32.0, 212.0),
     "K kelvin": (273.15, 373.15),
 }
