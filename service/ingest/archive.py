@@ -121,7 +121,7 @@ class _Zip(Archive):
             self._file = zipfile.ZipFile(path)
         except (zipfile.BadZipFile, ValueError, OSError, NotImplementedError) as error:
             raise Undecodable("the ZIP file is damaged", [Fault("body", str(error)[:200])]) from None
-        self._members = [m for m in self._file.infolist() if not m.is_dir()]
+        self._members = [m for m in self._file.infolist() if not m.is_dir() and not _is_of_the_packer(m.filename)]
         self._repeated = {name for name, n in Counter(m.filename for m in self._members).items() if n > 1}
         self._overlapping = _overlapping(self._file.infolist())
 
@@ -263,6 +263,11 @@ class _Lines(Archive):
 
     def close(self) -> None:
         self._file.close()
+
+
+def _is_of_the_packer(name: str) -> bool:
+    """Whether a member is what a file manager leaves beside the files that somebody packed."""
+    return name.startswith("__MACOSX/") or PurePosixPath(name).name in (".DS_Store", "Thumbs.db", "desktop.ini")
 
 
 def _name_fault(name: str) -> str | None:

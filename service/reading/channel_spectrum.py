@@ -2,11 +2,13 @@
 
 import math
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from detectors.reduction.conditioning import conditioned
 from detectors.words.numbers import MOST_MISSING
 from service.answers.records import ChannelSpectrum, ShaftOrder
 from service.errors import Fault, Invalid
@@ -24,6 +26,8 @@ _LONGEST_SEGMENT = 8192
 """Samples of a segment: about 1 Hz at 10 kHz, as fine as anybody looks (our choice)."""
 _LONGEST_STEP = 1.5
 """Step over the median one from which samples are missing: half a step of jitter is none."""
+_LONGEST_HOLE = 8.5
+"""Steps that rows lost one by one may leave open: one in five at random hardly ever leaves more."""
 _SLOWEST_RPM = 60.0
 """Speed below which the shaft stands (our choice: about 1 % of the H225's pump)."""
 
@@ -50,13 +54,18 @@ def channel_spectrum(
     Invalid
         when there is no such channel, or the stretch is too short, too slowly sampled, full of holes, or at rest.
     """
-    time, samples, speed = _stretch(recording, channel, start_s, end_s)
+    stretch = _stretch(conditioned(recording, pump), channel, start_s, end_s)
+    time, samples, speed = stretch.time, stretch.samples, stretch.speed
     rate = 1.0 / float(np.median(np.diff(time)))
     shaft_hz = float(np.mean(speed)) / 60.0
     _check(time, rate, shaft_hz)
+    # a density needs even instants, a fit takes what is there: what was drawn between would flatten the lines
+    known = np.isfinite(samples)
     unit = channel.rsplit("_", 1)[1] if "_" in channel else ""
     length = min(_LONGEST_SEGMENT, max(_LEAST_SAMPLES, 2 ** int(math.log2(max(len(samples) // 4, 2)))))
-    frequency, density = welch(samples, fs=rate, nperseg=min(length, len(samples)), detrend="constant")
+    even = np.arange(time[0], time[-1] + 0.5 / rate, 1.0 / rate) if stretch.has_holes else time
+    filled = np.interp(even, time[known], samples[known])
+    frequency, density = welch(filled, fs=rate, nperseg=min(length, len(filled)), detrend="constant")
     return {
         "channel": channel,
         "start_s": float(time[0]),
@@ -68,12 +77,21 @@ def channel_spectrum(
             "frequency_hz": frequency.tolist(),
             "value": density.tolist(),
         },
-        "orders": _orders(time, samples, speed, rate, shaft_hz, int(pump.pump.piston.n), unit),
+        "orders": _orders(time[known], samples[known], speed[known], rate, shaft_hz, int(pump.pump.piston.n), unit),
     }
 
 
-def _stretch(recording: Recording, channel: str, start_s: float, end_s: float) -> tuple[Samples, Samples, Samples]:
-    """Time, samples without their holes, and speed of the longest uninterrupted part of the stretch."""
+class _Stretch(NamedTuple):
+    """Time, samples (NaN where missing) and speed of a stretch; ``has_holes`` where rows are lost inside it."""
+
+    time: Samples
+    samples: Samples
+    speed: Samples
+    has_holes: bool
+
+
+def _stretch(recording: Recording, channel: str, start_s: float, end_s: float) -> _Stretch:
+    """The longest uninterrupted part of a stretch."""
     known = [name for name in recording.channels if name != TIME]
     if channel not in known:
         raise Invalid(
@@ -84,25 +102,37 @@ def _stretch(recording: Recording, channel: str, start_s: float, end_s: float) -
     if len(time) < _LEAST_SAMPLES:
         raise _too_short(f"has {len(time)} samples, at least {_LEAST_SAMPLES} are needed")
     steps = np.diff(time)
-    breaks = np.flatnonzero(steps > _LONGEST_STEP * np.median(steps)) + 1
+    step = float(np.median(steps))
+    lost = float((steps[steps > _LONGEST_STEP * step] - step).sum())
+    # single rows that are lost are bridged like single samples; a gap parts the stretch
+    is_bridged = not _too_many(lost / float(time[-1] - time[0]), len(time))
+    longest = _LONGEST_HOLE if is_bridged else _LONGEST_STEP
+    breaks = np.flatnonzero(steps > longest * step) + 1
     edges = [0, *breaks.tolist(), len(time)]
     first, last = max(pairwise(edges), key=lambda pair: pair[1] - pair[0])
     part = slice(first, last)
     if last - first < _LEAST_SAMPLES:
         raise _too_short(f"has gaps: its longest part has {last - first} samples, at least {_LEAST_SAMPLES} are needed")
-    samples, speed = (_filled(time[part], recording[name][inside][part], name) for name in (channel, "shaft_speed_rpm"))
-    return time[part], samples, speed
+    samples, speed = (recording[name][inside][part] for name in (channel, "shaft_speed_rpm"))
+    for name, values in ((channel, samples), ("shaft_speed_rpm", speed)):
+        _check_missing(values, name)
+    given = np.isfinite(speed)
+    even_speed = np.interp(time[part], time[part][given], speed[given])
+    return _Stretch(time[part], samples, even_speed, has_holes=lost > 0.0 and is_bridged)
 
 
-def _filled(time: Samples, samples: Samples, name: str) -> Samples:
-    known = np.isfinite(samples)
-    missing = 1.0 - float(known.mean())
-    if missing > MOST_MISSING:
+def _too_many(share: float, n: int) -> bool:
+    """Whether more is missing than the stated share, but for three errors of a share at random."""
+    return share > MOST_MISSING + 3.0 * math.sqrt(MOST_MISSING * (1.0 - MOST_MISSING) / n)
+
+
+def _check_missing(samples: Samples, name: str) -> None:
+    missing = 1.0 - float(np.isfinite(samples).mean())
+    if _too_many(missing, len(samples)):
         raise Invalid(
             f"{100 * missing:.0f} % of {name} are missing in this stretch",
             [Fault(f"channels.{name}", f"more than {100 * MOST_MISSING:.0f} % are missing")],
         )
-    return np.interp(time, time[known], samples[known])
 
 
 def _check(time: Samples, rate: float, shaft_hz: float) -> None:

@@ -97,6 +97,15 @@ def patched(offset: int, value: bytes) -> bytes:
     return bytes(content)
 
 
+def test_what_a_file_manager_leaves_in_an_archive_is_no_record(tmp_path: Path) -> None:
+    path = tmp_path / "packed.zip"
+    path.write_bytes(
+        zipped(("__MACOSX/._a.json", b"x"), ("b/.DS_Store", b"x"), ("Thumbs.db", b"x"), ("a.json", body()))
+    )
+    archive = opened_archive(path, "zip", 2_000_000)
+    assert [archive.name(i) for i in range(len(archive))] == ["a.json"]
+
+
 def link() -> zipfile.ZipInfo:
     info = zipfile.ZipInfo("link.json")
     info.external_attr = (stat.S_IFLNK | 0o777) << 16

@@ -4,10 +4,14 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 from fastapi.testclient import TestClient
 
+from service.reading.channel_spectrum import channel_spectrum
 from tests.service.bursts import RATE, N, burst_document
 from tests.service.test_jobs import API
+from twin.pumps import pump_type
+from twin.recording import Recording
 
 
 def burst(client: TestClient, rate: float = RATE, n: int = N, **changes: Any) -> str:
@@ -35,6 +39,30 @@ def test_orders_and_density_are_those_of_the_signal(client: TestClient) -> None:
     quiet = (frequency > 1000) & (frequency < 1900)
     # white noise of 0.1 bar spreads evenly up to half the sampling rate
     assert abs(value[quiet].mean() / (0.01 / (RATE / 2)) - 1) < 0.1
+
+
+@pytest.mark.parametrize(
+    "what", ["a fifth of the rows", "a fifth of the samples", "speed every 100 ms", "jitter of 20 us"]
+)
+def test_what_a_recorder_loses_moves_no_line(what: str) -> None:
+    """Straight from the recording: every record of the API is conditioned in the same way."""
+    channels = {k: np.array(v, dtype=float) for k, v in burst_document(RATE, N)["channels"].items()}
+    rng = np.random.default_rng(2)
+    if what == "a fifth of the rows":
+        kept = rng.random(N) > 0.2
+        channels = {name: samples[kept] for name, samples in channels.items()}
+    elif what == "a fifth of the samples":
+        channels = {n: x if n == "time_s" else np.where(rng.random(N) < 0.2, np.nan, x) for n, x in channels.items()}
+    elif what == "speed every 100 ms":
+        slow = np.full(N, np.nan)
+        slow[:: int(0.1 * RATE)] = channels["shaft_speed_rpm"][:: int(0.1 * RATE)]
+        channels["shaft_speed_rpm"] = slow
+    else:
+        channels["time_s"] = channels["time_s"] + rng.uniform(-2e-5, 2e-5, N)
+    found = channel_spectrum(Recording(channels), "discharge_pressure_bar", pump_type("h225"), -1.0, 1e9)
+    first, ninth, _ = found["orders"]
+    assert first["amplitude"] == pytest.approx(0.3, rel=0.04)
+    assert ninth["amplitude"] == pytest.approx(1.2, rel=0.04)
 
 
 def test_a_slow_record_says_what_would_do(client: TestClient) -> None:
