@@ -66,7 +66,7 @@ MUTANTS: tuple[Mutant, ...] = (
         'Scope("pump-type", pump_type),\n        Scope("operator", operator),',
         'Scope("operator", operator),\n        Scope("pump-type", pump_type),',
     ),
-    _layers("ThresholdVersion.number <= up_to", "ThresholdVersion.number < up_to"),
+    _layers("numbers.where(table.number <= up_to)", "numbers.where(table.number < up_to)"),
     _layers("version = max(version, number)", "version = number"),
     _layers('Scope("pump", serial, operator),', 'Scope("pump", serial),'),
     _layers("number = newest_number(session) + 1", "number = (current.number if current else 0) + 1"),

@@ -208,6 +208,7 @@ def upload(
         say(f"… and {len(others) - _MOST_PASSED_OVER} more files passed over", to=complaints())
     if missing:
         raise failure(f"no flight records at {', '.join(missing)}; nothing was uploaded", 2)
+    _check_there(url)
     n_refused = 0
     rows: list[dict[str, Any]] = []
     to = listener(json_)
@@ -364,3 +365,13 @@ def analyse(
         say_json({"pumps": answers, "refused": [refusal(path, problem) for path, problem in found.refused]})
     if found.refused:
         raise failure(f"{len(found.refused)} of {len(files)} files were refused")
+
+
+def _check_there(url: str) -> None:
+    """Say at once that nothing listens: who waits for a service to come back has met it before."""
+    import httpx2  # noqa: PLC0415 - heavy, and only here
+
+    try:
+        httpx2.get(f"{url.rstrip('/')}/healthz", timeout=10.0)
+    except httpx2.HTTPError as error:
+        raise failure(f"{url} does not answer ({error}): is `casedrain serve` running?") from None

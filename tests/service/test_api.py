@@ -382,7 +382,7 @@ def test_operating_point_with_a_fluid_by_name(client: TestClient) -> None:
 
 def test_operations(client: TestClient) -> None:
     assert client.get("/healthz").json() == {"status": "alive"}
-    assert client.get("/readyz").json()["checks"] == {"database": "ok", "raw_store": "ok"}
+    assert client.get("/readyz").json()["checks"] == {"database": "ok", "raw_store": "ok", "disk": "ok"}
     assert "casedrain_requests_total" in client.get("/metrics").text
     assert client.get("/openapi.json").json()["info"]["title"] == "casedrain"
     missing = client.get("/api/v1/nowhere")

@@ -53,7 +53,7 @@ def test_analyse_names_every_fault_and_keeps_the_good_files(files: list[str], tm
     result = runner.invoke(app, ["analyse", str(bad), *files[:2]])
     assert result.exit_code == 1
     assert "line 3, case_pressure_bar: 'abc' is not a number" in result.output
-    assert "channels.time_s[1]" in result.output
+    assert "channels.shaft_speed_rpm: is missing" in result.output
     assert "Pump DT-102" in result.output
 
 

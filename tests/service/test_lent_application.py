@@ -20,7 +20,9 @@ def test_the_next_one_starts_from_nothing(new_settings: Callable[..., Settings])
             assert client.app.state.context.settings is settings  # type: ignore[attr-defined]
             database = client.app.state.context.database  # type: ignore[attr-defined]
             with database.reading() as session:
-                assert [t.name for t in Base.metadata.sorted_tables if session.execute(t.select()).first()] == []
+                held = {t.name for t in Base.metadata.sorted_tables if session.execute(t.select()).first()}
+                # every installation has a key for its cursors and the head of an empty log
+                assert held <= {"audit_heads", "installation_values"}
             answer = client.post(f"{API}/records", content=body(), headers=JSON)
             assert answer.status_code == (401 if auth == "on" else 201)
             client.cookies.set("left", "behind")

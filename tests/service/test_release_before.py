@@ -44,7 +44,7 @@ RELATIVE, SMALL = 1e-6, 1e-9
 NEW = {
     *("twin_version", "software"),
     *("fit", "blind_spots", "probability_beyond_limit", "crossing", "intermittent", "resolved_by", "missing_evidence"),
-    *("case_pressure", "case_pressure_beyond", "other"),
+    *("case_pressure", "case_pressure_beyond", "other", "bridged"),
 }
 """What a verdict says of the code that made it: another code, by design; and words that the release before did not have."""
 CHANGED = PACKED.parents[1] / "states-by-release.json"

@@ -96,13 +96,13 @@ class TestLayers:
 
     def test_a_types_limit_may_lie_outside_what_can_be_set(self, client: TestClient) -> None:
         """A larger pump leaks more than any threshold of ours could say: its own limit is a fact, no setting."""
-        typed(client, "large", case_flow_lpm=32.0, case_pressure_limit_bar=0.0)
+        typed(client, "large", case_flow_lpm=32.0)
         values = client.get(f"{URL}/pump-type/large").json()["values"]
         assert (values["case_flow_limit_lpm"]["value"], values["case_flow_limit_lpm"]["from"]) == (32.0, LIMITS)
-        # zero is no limit
+        # the base's own, as nobody has said another
         assert (values["case_pressure_limit_bar"]["value"], values["case_pressure_limit_bar"]["from"]) == (
             3.5,
-            "default",
+            LIMITS,
         )
         assert put(client, "pump-type/large", {"case_flow_limit_lpm": 32.0}).status_code == 422
         assert put(client, "pump-type/large", {"alarm_records": 4}).status_code == 200
