@@ -75,6 +75,7 @@ def test_an_unsteady_plateau_gives_no_feature() -> None:
     assert np.flatnonzero(np.isnan(pressure)).tolist() == [5]
 
 
+@pytest.mark.study
 def test_the_labels_of_judged_blocks_do_not_matter(found: dict[str, Any]) -> None:
     plain = found["never_trained_valve_73"]
     other = archive(np.random.default_rng(1))
