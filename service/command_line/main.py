@@ -1,6 +1,7 @@
 """The command line."""
 
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -208,7 +209,7 @@ def upload(
         say(f"… and {len(others) - _MOST_PASSED_OVER} more files passed over", to=complaints())
     if missing:
         raise failure(f"no flight records at {', '.join(missing)}; nothing was uploaded", 2)
-    _check_there(url)
+    _check_there(url, key)
     n_refused = 0
     rows: list[dict[str, Any]] = []
     to = listener(json_)
@@ -367,11 +368,15 @@ def analyse(
         raise failure(f"{len(found.refused)} of {len(files)} files were refused")
 
 
-def _check_there(url: str) -> None:
+def _check_there(url: str, key: str | None) -> None:
     """Say at once that nothing listens: who waits for a service to come back has met it before."""
     import httpx2  # noqa: PLC0415 - heavy, and only here
 
+    from service.client import Client, RefusedError  # noqa: PLC0415
+
     try:
-        httpx2.get(f"{url.rstrip('/')}/healthz", timeout=10.0)
+        # whatever is answered, somebody is there
+        with Client(url, key, retries=0) as client, suppress(RefusedError):
+            client.request("GET", "/thresholds/keys")
     except httpx2.HTTPError as error:
         raise failure(f"{url} does not answer ({error}): is `casedrain serve` running?") from None
