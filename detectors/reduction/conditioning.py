@@ -72,12 +72,16 @@ class Gaps:
         if whole <= 0.0 or lost <= MOST_MISSING * whole:
             return False
         in_long_gaps = float(inside[self.ends - self.starts > _LONG_GAP_IN_STEPS * self.step].sum())
-        scatter = math.sqrt(MOST_MISSING * (1.0 - MOST_MISSING) * self.step / whole)
-        return in_long_gaps > MOST_MISSING * whole or lost > (MOST_MISSING + _SIGMAS_OF_SHARE * scatter) * whole
+        return in_long_gaps > MOST_MISSING * whole or beyond_share(lost / whole, whole / self.step)
 
     def _inside(self, start_s: float, end_s: float) -> Samples:
         inside: Samples = np.maximum(np.minimum(self.ends, end_s) - np.maximum(self.starts, start_s), 0.0)
         return inside
+
+
+def beyond_share(lost: float, n: float) -> bool:
+    """Whether a lost share is above the stated one, but for the scatter of a share at random among ``n`` samples."""
+    return lost > MOST_MISSING + _SIGMAS_OF_SHARE * math.sqrt(MOST_MISSING * (1.0 - MOST_MISSING) / n)
 
 
 def conditioned(recording: Recording, pump: PumpType) -> Recording:

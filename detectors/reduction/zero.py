@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from detectors.reduction.conditioning import bridged_stretches, gaps_of, shares_lost
+from detectors.reduction.conditioning import Gaps, bridged_stretches, gaps_of, shares_lost
 from detectors.reduction.statistics import mean_with_error, without_spikes
 from detectors.words.observation import Mean, Window, WindowKind, Zero
 from twin.parameters import PumpType
@@ -16,6 +16,9 @@ PUMP_OFF_SPEED_FRACTION = 0.05
 SETTLING_AFTER_SHUTDOWN_S = 30.0
 UNMEASURED_RESERVOIR_SD_BAR = 0.10
 """Estimate: reservoir pressure against its nominal value on the ground, where no sensor tells."""
+
+_AT_REST = ("case_pressure_bar", "reservoir_pressure_bar", "fluid_temperature_degc")
+"""Channels whose means a pump-off stretch keeps."""
 
 
 def pump_off_zero(
@@ -38,13 +41,22 @@ def pump_off_zero(
     unknown = ~np.isfinite(speed)
     time = recording.time_s
     gaps = [gaps_of(time, recording[name]) for name in ("shaft_speed_rpm", "case_pressure_bar")]
+    running = ~off & ~unknown
+    found = bridged_stretches(off, unknown, np.append(time, time[-1:]), gaps, 0.0)
+    lost = {n: gaps_of(time, recording[n]) for n in _AT_REST if n in recording} if found else {}
     windows = []
     zero = unknown_zero
-    for first, end in bridged_stretches(off, unknown, np.append(time, time[-1:]), gaps, 0.0):
-        has_run = bool((~off & ~unknown)[:first].any())
+    for first, end in found:
+        has_run = bool(running[:first].any())
         part = _vouched_part(time, first, end, good)
         window, offset = _pump_off_window(
-            recording, pump, thresholds, part or (first, end), settles=has_run and not part, vouched=part is not None
+            recording,
+            pump,
+            thresholds,
+            part or (first, end),
+            lost,
+            settles=has_run and not part,
+            vouched=part is not None,
         )
         windows.append(window)
         if window.accepted and offset is not None and not zero.measured:
@@ -68,13 +80,15 @@ def _pump_off_window(
     pump: PumpType,
     thresholds: Mapping[str, float],
     bounds: tuple[int, int],
+    lost: Mapping[str, Gaps],
     *,
     settles: bool,
     vouched: bool,
 ) -> tuple[Window, Zero | None]:
     """One stretch of a pump that stands; ``settles`` where it has run before and the line still empties.
 
-    Where somebody has ``vouched`` for it, neither its length nor its drift counts.
+    ``lost`` are the gaps of the channels whose means it keeps. Where somebody has ``vouched`` for it, neither its length
+    nor its drift counts.
     """
     first, end = bounds
     time = recording.time_s
@@ -82,14 +96,13 @@ def _pump_off_window(
     if settles:
         start_s = min(start_s + SETTLING_AFTER_SHUTDOWN_S, end_s)
     inside = slice(int(np.searchsorted(time, start_s)), end)
-    names = [n for n in ("case_pressure_bar", "reservoir_pressure_bar", "fluid_temperature_degc") if n in recording]
     means: dict[str, Mean] = {}
-    for name in names:
+    for name in lost:
         mean = mean_with_error(recording[name][inside], _resolution(pump, name))
         if mean is not None:
             means[name] = mean
     shortest = thresholds["pump_off_minimum_duration_s"]
-    bridged = shares_lost({n: gaps_of(time, recording[n]) for n in names}, start_s, end_s)
+    bridged = shares_lost(lost, start_s, end_s)
 
     def rejected(reason: str) -> tuple[Window, None]:
         return Window(WindowKind.PUMP_OFF, start_s, end_s, False, reason, means, bridged=bridged), None

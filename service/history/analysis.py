@@ -54,8 +54,8 @@ def analysed(
 
 
 def marked_key(key: str, marks: Sequence[Mark]) -> str:
-    """Key of a record with its marks: that of one without them where it has none."""
-    return key if not marks else hashlib.sha256(f"{key} {sorted(map(repr, marks))}".encode()).hexdigest()[:16]
+    """Key of a record with its marks, in the order of ``marks_of``: that of one without them where it has none."""
+    return key if not marks else hashlib.sha256(f"{key} {list(map(repr, marks))}".encode()).hexdigest()[:16]
 
 
 def analysis_key(kind: PumpType, setting: Setting, thresholds: Effective) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from detectors.reduction.conditioning import conditioned
+from detectors.reduction.conditioning import beyond_share, conditioned
 from detectors.words.numbers import MOST_MISSING
 from service.answers.records import ChannelSpectrum, ShaftOrder
 from service.errors import Fault, Invalid
@@ -105,7 +105,7 @@ def _stretch(recording: Recording, channel: str, start_s: float, end_s: float) -
     step = float(np.median(steps))
     lost = float((steps[steps > _LONGEST_STEP * step] - step).sum())
     # single rows that are lost are bridged like single samples; a gap parts the stretch
-    is_bridged = not _too_many(lost / float(time[-1] - time[0]), len(time))
+    is_bridged = not beyond_share(lost / float(time[-1] - time[0]), len(time))
     longest = _LONGEST_HOLE if is_bridged else _LONGEST_STEP
     breaks = np.flatnonzero(steps > longest * step) + 1
     edges = [0, *breaks.tolist(), len(time)]
@@ -121,14 +121,9 @@ def _stretch(recording: Recording, channel: str, start_s: float, end_s: float) -
     return _Stretch(time[part], samples, even_speed, has_holes=lost > 0.0 and is_bridged)
 
 
-def _too_many(share: float, n: int) -> bool:
-    """Whether more is missing than the stated share, but for three errors of a share at random."""
-    return share > MOST_MISSING + 3.0 * math.sqrt(MOST_MISSING * (1.0 - MOST_MISSING) / n)
-
-
 def _check_missing(samples: Samples, name: str) -> None:
     missing = 1.0 - float(np.isfinite(samples).mean())
-    if _too_many(missing, len(samples)):
+    if beyond_share(missing, len(samples)):
         raise Invalid(
             f"{100 * missing:.0f} % of {name} are missing in this stretch",
             [Fault(f"channels.{name}", f"more than {100 * MOST_MISSING:.0f} % are missing")],

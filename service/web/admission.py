@@ -8,10 +8,10 @@ from starlette.types import Scope
 
 from service.errors import Fault, Forbidden, Invalid, Misdirected, Problem, TooLarge, Undecodable
 from service.settings import Settings, is_loopback
+from service.web.addresses import API_PREFIX
 
 READING = ("GET", "HEAD", "OPTIONS")
 """Methods that change nothing."""
-_API = "/api/v1"
 _FORM_FRAME_BYTES = 2**16
 """What a form adds around the files that it sends."""
 
@@ -66,17 +66,17 @@ def too_large(path: str, settings: Settings) -> Problem:
 def _uploads(settings: Settings) -> Mapping[str, int]:
     one = settings.max_upload_bytes
     return {
-        f"{_API}/records": one,
-        f"{_API}/records/bulk": settings.max_bulk_bytes,
-        f"{_API}/mappings/preview": one,
-        f"{_API}/mappings/suggest": one,
+        f"{API_PREFIX}/records": one,
+        f"{API_PREFIX}/records/bulk": settings.max_bulk_bytes,
+        f"{API_PREFIX}/mappings/preview": one,
+        f"{API_PREFIX}/mappings/suggest": one,
         "/upload": one + _FORM_FRAME_BYTES,
         "/mappings": one + _FORM_FRAME_BYTES,
     }
 
 
 def _is_file(path: str) -> bool:
-    return (path.startswith(f"{_API}/registry/") and path.endswith(".csv")) or path.startswith(
+    return (path.startswith(f"{API_PREFIX}/registry/") and path.endswith(".csv")) or path.startswith(
         ("/upload/", "/mappings/")
     )
 

@@ -20,6 +20,7 @@ from service.registry.deletion import finish_deletions
 from service.registry.operators import expire
 from service.running import opened
 from service.settings import Settings
+from service.web.addresses import API_PREFIX
 from service.web.api_document.document import openapi_document
 from service.web.api_document.page import docs_router
 from service.web.dashboard.frame import STATIC
@@ -56,7 +57,6 @@ from service.web.routes import (
 from service.web.routes import twin as twin_routes
 from service.web.whole_names import WholeNames, whole_names
 
-API_PREFIX = "/api/v1"
 _DAY_S = 86_400.0
 _LOOK_S = 20.0
 log = structlog.get_logger("casedrain")

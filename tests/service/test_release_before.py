@@ -33,7 +33,7 @@ from service.settings import Settings
 from service.storage.database import alembic_config, upgrade
 from service.storage.raw_store import content_hash
 from service.storage.tables import ANALYSED, Base, Pump, Record
-from service.web.app import API_PREFIX as API
+from service.web.addresses import API_PREFIX as API
 from tests.conftest import KINDS
 from tests.postgres import create_database
 from tests.service.lent_application import lent

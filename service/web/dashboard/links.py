@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 from urllib.parse import quote, urlencode, urlsplit
 
+from service.web.addresses import API_PREFIX
+
 
 def address(*parts: str, query: Mapping[str, Any] | None = None, place: str = "") -> str:
     """Address of a page below the root, every part and value quoted; what is None or empty in ``query`` is left out."""
@@ -19,7 +21,7 @@ def pump_address(serial: str, operator: str | None, place: str = "") -> str:
 
 def api_address(*parts: str, query: Mapping[str, Any] | None = None) -> str:
     """Address of a call of the API, for pictures and files that a page links to."""
-    return "/api/v1" + address(*parts, query=query)
+    return API_PREFIX + address(*parts, query=query)
 
 
 def local_address(wanted: str) -> str:

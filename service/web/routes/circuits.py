@@ -1,7 +1,6 @@
 """Circuits: what stands round a pump, as documents; the twin's own and those that were added."""
 
 from typing import Annotated, Any, cast
-from urllib.parse import quote
 
 from fastapi import APIRouter, Body, Query, Response
 
@@ -10,6 +9,7 @@ from service.answers.registry import Circuit
 from service.answers.words import Page
 from service.errors import Forbidden, NotFound
 from service.pump_types.circuits import circuits, store_circuit
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.pumps.circuit_sets import CircuitSet, circuit_document
@@ -52,7 +52,7 @@ def create(
     with context.database.writing() as session:
         found = store_circuit(session, wanted, body, asker.owner)
         audit.note(session, asker, "circuit.add", f"circuit/{found.name}", wanted, {"title": found.title})
-    response.headers["Location"] = f"/api/v1/circuits/{quote(found.name, safe='')}"
+    response.headers["Location"] = location("circuits", found.name)
     return _shown(found)
 
 

@@ -7,6 +7,7 @@ from service.answers.history import RecordMark
 from service.answers.words import Page
 from service.reading import queries
 from service.registry import marks as mark_entries
+from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 
@@ -35,7 +36,7 @@ def mark(
         row = mark_entries.create(session, record, pump, body, asker.owner, context.archive)
         details = body.model_dump() | {"mark_id": row.id}
         audit.note(session, asker, "record.mark", f"record/{record_id}", record.operator, details)
-        response.headers["Location"] = f"/api/v1/records/{record_id}/marks/{row.id}"
+        response.headers["Location"] = location("records", record_id, "marks", row.id)
         return mark_entries.document(row)
 
 
