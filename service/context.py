@@ -43,6 +43,7 @@ class Context:
         return self.archive.limits
 
     def close(self) -> None:
-        """Close connections and end the parsing processes."""
+        """End what is made in the background, close connections and end the parsing processes."""
+        self.acceptance.settling.close()
         self.parser.close()
         self.database.close()

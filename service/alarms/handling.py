@@ -42,7 +42,8 @@ def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) 
     principal.require("analyst")
     with database.writing() as session:
         _, pump = reading.alarm(session, principal, alarm_id)
-        session.scalars(select(Pump).where(Pump.id == pump.id).with_for_update()).one()
+        locked = select(Pump).where(Pump.id == pump.id).with_for_update()
+        session.scalars(locked.execution_options(populate_existing=True)).one().revision += 1
         row, pump = reading.alarm(session, principal, alarm_id)
         session.refresh(row)
         thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values

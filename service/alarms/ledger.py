@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import exists, or_, select
+from sqlalchemy import Row, exists, or_, select
 from sqlalchemy.orm import Session
 
 from detectors.words.states import QUIET
@@ -29,17 +29,18 @@ from service.storage.tables import (
 from service.thresholds.layers import thresholds_of
 
 
-def follow(session: Session, pump: Pump, thresholds: Mapping[str, float]) -> None:
+def follow(session: Session, pump: Pump, thresholds: Mapping[str, float], alarms: Sequence[Life] | None = None) -> None:
     """Bring the alarms of one pump in line with its stored assessments, and announce what changed.
 
-    The caller holds the pump's row lock (Postgres) or the write transaction (SQLite).
+    The caller holds the pump's row lock (Postgres) or the write transaction (SQLite). ``alarms`` are those of the history as
+    it is stored, where somebody has found them already.
     """
     session.flush()
-    points = points_of(session, pump.id)
     rows = list(session.scalars(select(Alarm).where(Alarm.pump_id == pump.id).order_by(Alarm.created_at, Alarm.id)))
-    actions = actions_of(session, pump.id) if rows else []
     now = datetime.now(UTC)
-    alarms = lives(points, actions, rules_of(thresholds))
+    if alarms is None:
+        actions = actions_of(session, pump.id) if rows else []
+        alarms = lives(points_of(session, pump.id), actions, rules_of(thresholds))
     matched = _matched(alarms, rows)
     held = {row.id: alarm for alarm, row in zip(alarms, matched, strict=True) if row is not None}
     for alarm, row in zip(alarms, matched, strict=True):
@@ -88,10 +89,21 @@ def points_of(session: Session, pump_id: int) -> list[Point]:
     rows = session.execute(query.order_by(kept.at, kept.record_id)).all()
     if any(row.side is None for row in rows):
         return _points_of_verdicts(session, pump_id)
-    return [
-        Point(record_id, at, flight or record_id, state, side, tuple(candidates), case_flow, beyond)
-        for record_id, at, flight, state, side, candidates, case_flow, beyond in rows
-    ]
+    return [point_of_row(row, row.flight_id) for row in rows]
+
+
+def point_of_row(row: StoredAssessment | Row[*tuple[Any, ...]], flight_id: str | None) -> Point:
+    """One assessment as it is stored, as alarms see it; it must repeat what they need."""
+    return Point(
+        record_id=row.record_id,
+        at=row.at,
+        flight_id=flight_id or row.record_id,
+        state=row.state,
+        side=row.side or "",
+        candidates=tuple(row.candidates or ()),
+        case_flow_lpm=row.case_flow_lpm,
+        case_pressure_beyond=row.case_pressure_beyond,
+    )
 
 
 def _points_of_verdicts(session: Session, pump_id: int) -> list[Point]:

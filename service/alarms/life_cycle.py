@@ -253,15 +253,17 @@ def _levelled(life: Life, point: Point, beyond: bool, known: _Attention) -> Life
     changed = point.state != life.state
     pressed = point.case_pressure_beyond and not life.case_pressure_beyond
     why = CASE_PRESSURE if pressed else None
-    life = replace(
-        life,
-        state=point.state,
-        side=point.where_to_look,
-        candidates=point.candidates,
-        priority=priority,
-        beyond_limit=beyond,
-        case_pressure_beyond=point.case_pressure_beyond,
-    )
+    said = (point.state, point.where_to_look, point.candidates, priority, beyond, point.case_pressure_beyond)
+    if said != (life.state, life.side, life.candidates, life.priority, life.beyond_limit, life.case_pressure_beyond):
+        life = replace(
+            life,
+            state=point.state,
+            side=point.where_to_look,
+            candidates=point.candidates,
+            priority=priority,
+            beyond_limit=beyond,
+            case_pressure_beyond=point.case_pressure_beyond,
+        )
     if rank > before:
         life = _noted(life, "escalated", point, reason=why)
     elif changed or pressed or rank < before:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any, TypeAlias, TypeVar
 
-from sqlalchemy import ColumnElement, Row, or_, select
+from sqlalchemy import ColumnElement, Row, and_, or_, select
 from sqlalchemy.orm import Session
 
 from detectors.judgement.version import twin_version
@@ -14,6 +14,7 @@ from detectors.words.observation import Maintenance, Mark, Observation
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, marked_key, observation_at
 from service.history.archive import Archive
 from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, names_alike, remarks_on
+from service.history.dossier import Dossier
 from service.history.healthy_curves import healthy_curve
 from service.history.known import Known, Observations, PlacedRecord
 from service.history.neighbours import copied_elsewhere, counting, look_alikes, place_taken, said_by
@@ -32,10 +33,22 @@ from service.storage.tables import (
     ReductionOutline,
     RegistryVersion,
 )
-from service.thresholds.layers import Effective, thresholds_of
+from service.thresholds.layers import Effective, default_thresholds, thresholds_of
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 AnyRow: TypeAlias = Row[*tuple[Any, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Incoming:
+    """A record that is stored and shall count from now on, in place of the one that it ``supersedes``.
+
+    ``analysis`` is what was made of it, where it is at hand.
+    """
+
+    record_id: str
+    supersedes: str | None = None
+    analysis: RecordAnalysis | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +57,8 @@ class Knowledge:
 
     ``anew`` holds the analyses that differ from the stored ones, by record: other thresholds, surroundings or
     pump type than they were made with. ``flight_hours`` are those of the records that state them. ``copies`` are
-    records whose samples are another's, which are evidence of nothing.
+    records whose samples are another's, which are evidence of nothing. ``incoming`` is the analysis of a record that comes,
+    ``contradicted`` what records of other pumps say against it, ``without_outline`` are records older than outlines.
     """
 
     known: Known
@@ -53,14 +67,18 @@ class Knowledge:
     anew: Mapping[str, RecordAnalysis]
     flight_hours: Mapping[str, float]
     copies: frozenset[str]
+    incoming: Mapping[str, RecordAnalysis]
+    contradicted: tuple[bool, bool]
+    without_outline: tuple[str, ...]
 
     def observations(self, session: Session) -> Observations:
         """What reads the observations of records from the database."""
         outlines = {p.outline.record_id: p.outline for p in self.known.placed}
 
         def read(ids: Sequence[str]) -> Mapping[str, Observation]:
-            documents = {i: self.anew[i].reduction for i in ids if i in self.anew}
-            documents |= _reductions(session, [i for i in ids if i not in self.anew])
+            at_hand = {**self.incoming, **self.anew}
+            documents = {i: at_hand[i].reduction for i in ids if i in at_hand}
+            documents |= _reductions(session, [i for i in ids if i not in at_hand])
             found = {i: observation_at(outlines[i], documents[i], self.flight_hours.get(i)) for i in ids}
             again = {
                 i: replace(o, reduction=without_evidence(o.reduction)) for i, o in found.items() if i in self.copies
@@ -86,6 +104,8 @@ def knowledge(
     reduce_anew: bool = False,
     pump_type_name: str | None = None,
     most_anew: int | None = None,
+    dossier: Dossier | None = None,
+    incoming: Incoming | None = None,
 ) -> Knowledge:
     """Gather what is known of a pump; no reduction is read that was made as it would be made now.
 
@@ -102,23 +122,34 @@ def knowledge(
         Parameter set of the twin that stands in for the pump's own; None for its own.
     most_anew
         Stop behind so many new analyses: they are all that is of use then. None for no bound.
+    dossier
+        What was read of the pump already, for knowledge of now: what it has not is not asked for.
+    incoming
+        A record that counts as if it were analysed.
     """
     columns = (*_LIGHT, copied_elsewhere(known_at), place_taken(known_at))
-    rows = session.execute(select(*columns).where(*_counting(pump.id, known_at))).all()
-    name, registered = _kind(session, pump, rows, known_at)
+    rows = session.execute(select(*columns).where(*_counting(pump.id, known_at, incoming))).all()
+    there = dict(dossier.registry) if dossier else {}
+    name, registered = _kind(session, pump, rows, known_at, there.get(("pump", pump.serial)))
     name = pump_type_name or name
     kind = held_type(session, pump.operator, name)
-    thresholds = thresholds or thresholds_of(session, pump.operator, pump.serial, name, known_at)
-    healthy = healthy_curve(session, pump.operator, name, known_at)
-    intervals = installation_intervals(session, pump.id, known_at)
+    if thresholds is None:
+        thresholds = thresholds_now(session, dossier, name) if dossier else None
+        thresholds = thresholds or thresholds_of(session, pump.operator, pump.serial, name, known_at)
+
+    def may_have(what: str) -> bool:
+        return dossier is None or dossier.has(what)
+
+    healthy = healthy_curve(session, pump.operator, name, known_at) if may_have("curves") else None
+    intervals = installation_intervals(session, pump.id, known_at) if may_have("installations") else []
     placed: list[PlacedRecord] = []
     anew: dict[str, RecordAnalysis] = {}
-    aircraft: dict[str, Mapping[str, Any]] = {}
+    aircraft = {registry_name: values for (kind_of, registry_name), values in there.items() if kind_of == "aircraft"}
     keys: dict[Setting, str] = {}
-    marks = marks_of(session, pump.id, known_at)
+    marks = marks_of(session, pump.id, known_at) if may_have("marks") else {}
     older = [row.id for row in rows if row.reduction_digest is None]
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
-    maintenance = _maintenance(session, pump.id, known_at)
+    maintenance = _maintenance(session, pump.id, known_at) if may_have("maintenance") else ()
     own = [said_by(pump.serial, row) for row in rows]
     remarks, again = remarks_on(own, _elsewhere(rows), maintenance), copies(own)
     for row in rows:
@@ -147,11 +178,15 @@ def knowledge(
             outline = ReductionOutline(f"{outline.digest} again", has_zero_flow=False, has_spectrum=False)
         placed.append(PlacedRecord(_outline(row, place, outline), outline.digest, setting, flags))
     placed.sort(key=lambda p: (p.outline.at, p.outline.record_id))
-    alike = [f"pump {other.serial} looks like this one: the same pump twice?" for other in look_alikes(session, pump)]
+    others = look_alikes(session, pump) if may_have("alike") else []
+    alike = [f"pump {other.serial} looks like this one: the same pump twice?" for other in others]
     alike += names_alike(own)
     known = Known(kind, thresholds.values, tuple(placed), maintenance, changes(intervals), healthy, tuple(alike))
     hours = {row.id: row.flight_hours for row in rows if row.flight_hours is not None}
-    return Knowledge(known, name, thresholds, anew, hours, again)
+    coming = {incoming.record_id: incoming.analysis} if incoming and incoming.analysis else {}
+    against = [(row.copied_elsewhere, row.place_taken) for row in rows if incoming and row.id == incoming.record_id]
+    said_against = (bool(against[0][0]), bool(against[0][1])) if against else (False, False)
+    return Knowledge(known, name, thresholds, anew, hours, again, coming, said_against, tuple(older))
 
 
 def _elsewhere(rows: Sequence[AnyRow]) -> dict[str, list[str]]:
@@ -190,9 +225,14 @@ def counting_records(session: Session, pump_id: int) -> list[Record]:
     return list(session.scalars(query.order_by(Record.started_at, Record.id)))
 
 
-def _counting(pump_id: int, known_at: datetime | None) -> tuple[ColumnElement[bool], ...]:
-    """What picks the records of a pump that count now, or that counted at an instant."""
-    return Record.pump_id == pump_id, *counting(known_at)
+def _counting(
+    pump_id: int, known_at: datetime | None, incoming: Incoming | None = None
+) -> tuple[ColumnElement[bool], ...]:
+    """What picks the records of a pump that count now, or that counted at an instant, with one that comes."""
+    if incoming is None:
+        return Record.pump_id == pump_id, *counting(known_at)
+    counts = or_(and_(*counting(known_at)), Record.id == incoming.record_id)
+    return Record.pump_id == pump_id, counts, Record.id != (incoming.supersedes or "")
 
 
 def _reductions(session: Session, ids: Sequence[str]) -> dict[str, Any]:
@@ -272,17 +312,35 @@ def registry_values(
     return session.scalar(query.order_by(RegistryVersion.id.desc()).limit(1)) or {}
 
 
-def setting_of(session: Session, operator: str, serial: str, aircraft: str, position: str, at: datetime) -> Setting:
-    """Surroundings of a record before it is stored."""
-    pump_id = session.scalar(select(Pump.id).where(Pump.operator == operator, Pump.serial == serial))
-    intervals = [] if pump_id is None else installation_intervals(session, pump_id)
-    place = place_at(intervals, aircraft, position, at)
-    return setting_at(registry_values(session, operator, "aircraft", place.aircraft), at)
+def thresholds_now(session: Session, found: Dossier, kind: str) -> Effective:
+    """Effective thresholds of a pump now; nothing is asked where no layer has any."""
+    pump = found.pump
+    if not found.has("thresholds"):
+        return default_thresholds(session, pump.operator, kind)
+    return thresholds_of(session, pump.operator, pump.serial, kind)
 
 
-def _kind(session: Session, pump: Pump, rows: Sequence[AnyRow], known_at: datetime | None) -> tuple[str, bool]:
+def setting_of(
+    session: Session, operator: str, found: Dossier | None, aircraft: str, position: str, at: datetime
+) -> Setting:
+    """Surroundings of a record before it is stored; ``found`` is the dossier of its pump, None for an unknown one."""
+    has_intervals = found is not None and found.has("installations")
+    place = place_at(installation_intervals(session, found.pump.id) if has_intervals else [], aircraft, position, at)
+    said = found.registry.get(("aircraft", place.aircraft)) if found else None
+    return setting_at(registry_values(session, operator, "aircraft", place.aircraft) if said is None else said, at)
+
+
+def _kind(
+    session: Session,
+    pump: Pump,
+    rows: Sequence[AnyRow],
+    known_at: datetime | None,
+    said: Mapping[str, Any] | None,
+) -> tuple[str, bool]:
     """Pump type, and whether somebody has registered it: else the earliest record that names one decides."""
-    registered = registry_values(session, pump.operator, "pump", pump.serial, known_at).get("pump_type")
+    if said is None:
+        said = registry_values(session, pump.operator, "pump", pump.serial, known_at)
+    registered = said.get("pump_type")
     if registered is not None:
         return registered, True
     naming = min((row for row in rows if row.pump_type), key=lambda r: (r.started_at, r.id), default=None)

@@ -117,6 +117,9 @@ def checked(
     owner = str(named["operator"]) if named.get("operator") else None
     earliest = None if full_scales is None else EARLIEST
     metadata, faults = checked_metadata(named, now, lambda name: types(owner, name) is not None, earliest)
+    scales: Mapping[str, float] | None = None
+    if full_scales is not None:
+        scales = full_scales(metadata) if metadata else {}
     kind = named.get("pump_type")
     if not kind and metadata is not None:
         kind = registered_type(metadata.operator, metadata.pump_serial)
@@ -125,7 +128,6 @@ def checked(
         faults.append(Fault("ambient_pressure_bar", "is needed: the mapping says that a pressure is absolute"))
     channels = _gauge(raw, metadata)
     with np.errstate(all="ignore"):  # damaged files hold numbers that overflow any sum; they are faults, not warnings
-        scales = None if full_scales is None else full_scales(metadata) if metadata else {}
         found = channel_faults(RawRecord(raw.metadata, channels), pump, scales)
     explained = {fault.where for fault in raw.faults}
     faults += raw.faults + [f for f in found if f.problem != "is missing" or f.where not in explained]

@@ -1,12 +1,13 @@
-"""Accepting an upload: safe before it is acknowledged, known when it comes again, refused as a whole or not at all."""
+"""Accepting an upload: safe before it is acknowledged, known when it comes again, refused as a whole or not at all.
 
-import hashlib
-import json
+An upload takes two short transactions. The first keeps the record, read and analysed, where it counts for nothing yet; the
+second lets it count, with the pump's new verdicts. The fold between them is made without a lock, and made again where the
+second finds that the pump has changed meanwhile.
+"""
+
 import uuid
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
 
 from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.dialects import postgresql, sqlite
@@ -16,42 +17,22 @@ from sqlalchemy.orm import Session
 from service.access import audit
 from service.access.security import Principal
 from service.errors import Conflict, Fault, Invalid, Problem, is_ours
-from service.history.analysis import analysed, keep_analysis
-from service.history.archive import Archive, RegisteredType
-from service.history.arrival import known_aircraft
-from service.history.knowledge import setting_of
-from service.history.neighbours import look_alikes, newly_contradicted
+from service.history.archive import Archive
+from service.history.knowledge import Incoming
 from service.identity import release_number
-from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord, FullScales
+from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord
 from service.ingest.mapping_version import MappingVersion
-from service.ingest.metadata import RecordMetadata, TypeLookup
 from service.ingest.names import look_of
 from service.ingest.parse import check_type
+from service.monitoring.counting import Counting
 from service.monitoring.flights import check_flight
-from service.monitoring.precedence import made_with, newer_release
-from service.monitoring.refold import Cause, refold, refold_others
-from service.monitoring.renewal import reduced_again
-from service.pump_types.parameter_sets import find_type, held_type
+from service.monitoring.settling import Settling
+from service.monitoring.surroundings import Surroundings
+from service.monitoring.uploads import Upload, fill, identity_hash_of, new_row, request_hash_of
 from service.storage.database import Database
-from service.storage.spool import SpooledFile
-from service.storage.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
-from service.thresholds.layers import thresholds_of
-from twin.parameters import PumpType
+from service.storage.tables import REFUSED, STORED, Pump, Record, Refusal
 
-
-@dataclass(frozen=True, slots=True)
-class Upload:
-    """One upload as it came; ``overrides`` are metadata of the request, which win over those of the file.
-
-    ``mapping`` is the version of a channel mapping that the request names.
-    """
-
-    file: SpooledFile
-    content_type: str
-    content_encoding: str
-    overrides: Mapping[str, str]
-    supersedes: str | None = None
-    mapping: MappingVersion | None = None
+__all__ = ["Acceptance", "Accepted", "Upload"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +53,8 @@ class Acceptance:
     def __init__(self, database: Database, archive: Archive) -> None:
         self._database = database
         self._archive = archive
+        self.settling = Settling(database, archive)
+        self._counting = Counting(database, archive, self.settling)
 
     def accept(self, upload: Upload, principal: Principal) -> Accepted:
         """Check, store and analyse an upload before answering.
@@ -82,15 +65,16 @@ class Acceptance:
             with every fault; nothing is stored then but the fact of the refusal.
         """
         operator = principal.operator_of(upload.overrides.get("operator"))
-        request_hash = _request_hash(operator, upload)
+        request_hash = request_hash_of(operator, upload)
         known = self._known(request_hash)
-        if known is not None:
-            self.process(known)  # an earlier attempt may have ended right after it stored the bytes
-            return Accepted(known, known=True)
+        if known is not None and known[1] != REFUSED:
+            return self._again(*known)
         try:
-            decoded = self._decoded(upload, operator)
+            surroundings = Surroundings(self._database, operator)
+            decoded = self._decoded(upload, surroundings)
             operator = principal.operator_of(decoded.metadata.operator)
-            return self._store(upload, decoded, operator, request_hash, principal)
+            arrival = _Arrival(decoded, operator, upload, request_hash, surroundings)
+            return self._store(arrival, principal, was_refused=known is not None)
         except Problem as problem:
             if not is_ours(problem):
                 self._refuse(upload, operator, problem)
@@ -99,33 +83,21 @@ class Acceptance:
     def store(self, upload: Upload, principal: Principal) -> Accepted:
         """Store an upload and answer at once; ``process`` analyses it later."""
         operator = principal.operator_of(upload.overrides.get("operator"))
-        request_hash = _request_hash(operator, upload)
+        request_hash = request_hash_of(operator, upload)
         known = self._known(request_hash)
-        if known is not None:
-            return Accepted(known, known=True)
+        if known is not None and known[1] != REFUSED:
+            return Accepted(known[0], known=True)
         check_type(upload.content_type, upload.content_encoding)
         if not upload.file.size:
-            self._decoded(upload, operator)  # raises what an empty body deserves
-        return Accepted(*self._keep(upload, operator, request_hash, principal))
-
-    def _keep(self, upload: Upload, operator: str, request_hash: str, principal: Principal) -> tuple[str, bool]:
-        """Keep the bytes and commit a ``stored`` row: its id, and whether another upload was there first."""
+            self._decoded(upload, Surroundings(self._database, operator))  # raises what an empty body deserves
         self._archive.raw_store.put_file(upload.file.path, upload.file.digest)
-        row = _new_row(upload, operator, request_hash)
+        row = new_row(upload, operator, request_hash)
         try:
             with self._database.writing() as session:
-                earlier = session.get(Record, row.id)
-                if earlier is not None and earlier.status != REFUSED:
-                    return row.id, True
-                if earlier is not None:
-                    session.delete(earlier)
-                    session.flush()
-                session.add(row)
-                details = {"supersedes": upload.supersedes} if upload.supersedes else {}
-                audit.note(session, principal, "record.upload", f"record/{row.id}", operator, details)
+                _add(session, row, principal, was_refused=known is not None)
         except IntegrityError:
-            return row.id, True
-        return row.id, False
+            return Accepted(row.id, known=True)
+        return Accepted(row.id, known=False)
 
     def pending(self) -> list[str]:
         """Ids of records that are stored but not analysed yet, oldest first."""
@@ -148,12 +120,11 @@ class Acceptance:
             if row is None or row.status != STORED:
                 return
         try:
-            operator = row.operator
-            lookups = self._registered(operator), self._types(operator), self._full_scales(operator)
-            decoded = self._archive.decoded_again(row, *lookups)
+            known = Surroundings(self._database, row.operator)
+            decoded = self._archive.decoded_again(row, known.registered, known.types, known.full_scales)
             if decoded.metadata.operator not in (None, row.operator):
                 raise Invalid("the file names another operator", [Fault("operator", "is not the uploader's")])
-            self._finish(record_id, decoded, row.operator)
+            self._counting.count(self._read(row, decoded, known), decoded, known)
         except Problem as problem:
             if is_ours(problem):
                 raise  # it says nothing about the record, which stays stored
@@ -161,141 +132,94 @@ class Acceptance:
                 stored = session.get(Record, record_id)
                 if stored is not None and stored.status == STORED:
                     stored.status, stored.problem = REFUSED, problem.body()
+                    stored.pump_id = stored.identity_hash = None
 
-    def _decoded(self, upload: Upload, operator: str) -> DecodedRecord:
+    def _decoded(self, upload: Upload, known: Surroundings) -> DecodedRecord:
         return self._archive.decoded(
             upload.file,
             upload.content_type,
             upload.content_encoding,
             upload.overrides,
             upload.mapping,
-            self._registered(operator),
-            self._types(operator),
-            self._full_scales(operator),
+            known.registered,
+            known.types,
+            known.full_scales,
         )
 
-    def _full_scales(self, operator: str) -> FullScales:
-        def fitted(metadata: RecordMetadata) -> Mapping[str, float]:
-            with self._database.reading() as session:
-                owner = metadata.operator or operator
-                place = metadata.aircraft, metadata.position
-                setting = setting_of(session, owner, metadata.pump_serial, *place, metadata.started_at)
-            return {sensor.channel: sensor.full_scale_bar for sensor in setting.sensors}
-
-        return fitted
-
-    def _registered(self, operator: str) -> RegisteredType:
-        def registered(named: str | None, serial: str) -> str | None:
-            with self._database.reading() as session:
-                query = select(Pump.pump_type).where(Pump.operator == (named or operator), Pump.serial == serial)
-                return session.scalar(query)
-
-        return registered
-
-    def _types(self, operator: str) -> TypeLookup:
-        def known(named: str | None, name: str) -> PumpType | None:
-            with self._database.reading() as session:
-                return find_type(session, named or operator, name)
-
-        return known
-
-    def _known(self, request_hash: str) -> str | None:
+    def _known(self, request_hash: str) -> tuple[str, str] | None:
+        """Id and status of the record of the same request; a refused one only where there is no other."""
         with self._database.reading() as session:
-            query = select(Record.id).where(Record.request_hash == request_hash, Record.status != REFUSED)
-            return session.scalar(query.order_by(Record.received_at).limit(1))
+            query = select(Record.id, Record.status).where(Record.request_hash == request_hash)
+            row = session.execute(query.order_by(Record.status == REFUSED, Record.received_at).limit(1)).first()
+            return None if row is None else (row.id, row.status)
 
-    def _store(
-        self, upload: Upload, decoded: DecodedRecord, operator: str, request_hash: str, principal: Principal
-    ) -> Accepted:
-        identity = _identity_hash(operator, upload.file.digest, decoded, upload.mapping)
+    def _again(self, record_id: str, status: str) -> Accepted:
+        if status == STORED:
+            self.process(record_id)  # an earlier attempt may have ended right after it stored the bytes
+        return Accepted(record_id, known=True)
+
+    def _store(self, new: "_Arrival", principal: Principal, *, was_refused: bool) -> Accepted:
+        upload, decoded = new.upload, new.decoded
+        identity = identity_hash_of(new.operator, upload.file.digest, decoded, upload.mapping)
+        found = new.surroundings.dossier_of(decoded.metadata, new.operator)
+        pump = found.pump if found else None
         with self._database.reading() as session:
-            known = session.scalar(select(Record.id).where(Record.identity_hash == identity))
-            if known is not None:
-                return Accepted(known, known=True)
-            check_flight(session, decoded, operator, upload.supersedes)
-        record_id, known_now = self._keep(upload, operator, request_hash, principal)
-        if known_now:
-            return Accepted(record_id, known=True)
-        # the bytes are safe from here on; a crash leaves a stored record that the next start analyses
+            known = check_flight(session, new.operator, pump, decoded, identity, upload.supersedes)
+        if known is not None:
+            return self._again(known.id, known.status)
+        analysis = new.surroundings.analysed(decoded, new.operator)
+        self._archive.raw_store.put_file(upload.file.path, upload.file.digest)
+        row = new_row(upload, new.operator, new.request_hash)
         try:
-            waiting = not self._finish(record_id, decoded, operator)
+            with self._database.writing() as session:
+                number = pump.id if pump else _pump_made(session, new.operator, decoded)
+                fill(row, number, decoded, identity, analysis)
+                _add(session, row, principal, was_refused=was_refused)
+        except IntegrityError:
+            return self._stored_meanwhile(row.id, identity)
+        # the record is safe from here on; a crash leaves it stored, and the next start goes on
+        try:
+            counts = self._counting.count((row, Incoming(row.id, row.supersedes, analysis)), decoded, new.surroundings)
         except Problem as problem:
             if is_ours(problem):
                 raise
             with self._database.writing() as session:
-                stored = session.get(Record, record_id)
+                stored = session.get(Record, row.id)
                 if stored is not None:
                     session.delete(stored)
-            with self._database.reading() as session:
-                known = session.scalar(select(Record.id).where(Record.identity_hash == identity))
-            if known is not None:
-                return Accepted(known, known=True)
             raise
-        return Accepted(record_id, known=False, waiting=waiting)
+        return Accepted(row.id, known=False, waiting=not counts)
 
-    def _finish(self, record_id: str, decoded: DecodedRecord, operator: str) -> bool:
-        """Analyse, then store everything about the record and its pump's new verdicts in one transaction.
-
-        False where a newer release has judged the pump: the record stays stored and waits for one of its processes.
-        """
-        metadata = decoded.metadata
-        serial, started_at = metadata.pump_serial, metadata.started_at
-        self._renew(operator, serial)
+    def _stored_meanwhile(self, record_id: str, identity: str) -> Accepted:
+        """The record of the same request, or of the same bytes and metadata, that another upload was quicker with."""
         with self._database.reading() as session:
-            held = _pump(session, operator, serial)
-            name = held.pump_type if held else (metadata.pump_type or DEFAULT_PUMP_TYPE)
-            kind = held_type(session, operator, name)
-            thresholds = thresholds_of(session, operator, serial, name)
-            setting = setting_of(session, operator, serial, metadata.aircraft, metadata.position, started_at)
-        # the long part comes before the lock; what changes meanwhile, the fold notices by the key
-        analysis = analysed(decoded.recording, kind, setting, thresholds)
-        cause, others = Cause("record_received", record_id), set[int]()
+            same = or_(Record.id == record_id, Record.identity_hash == identity)
+            row = session.execute(select(Record.id, Record.status).where(same).limit(1)).first()
+        if row is None:
+            raise Conflict("another upload of the same record ended at the same moment: send it again")
+        return self._again(row.id, row.status)
+
+    def _read(self, row: Record, decoded: DecodedRecord, known: Surroundings) -> tuple[Record, Incoming]:
+        """Write what a stored record says into its row: where it belongs, and what was made of it."""
+        mapping = MappingVersion.from_json(row.request["mapping"]) if row.request.get("mapping") else None
+        identity = identity_hash_of(row.operator, row.content_hash, decoded, mapping)
+        found = known.dossier_of(decoded.metadata, row.operator)
+        with self._database.reading() as session:
+            pump = found.pump if found else None
+            same = check_flight(session, row.operator, pump, decoded, identity, row.supersedes, row.id)
+        if same is not None:
+            raise Conflict(f"record {same.id} is the same record", extra={"record_id": same.id})
+        analysis = known.analysed(decoded, row.operator)
         try:
             with self._database.writing() as session:
-                pump, is_new = _locked_pump(session, operator, serial, name)
-                known_aircraft(session, operator, metadata.aircraft)
-                row = session.get(Record, record_id, populate_existing=True)
-                if row is None or row.status != STORED:
-                    return True
-                newer = newer_release(session, pump.id)
-                if newer is not None:
-                    row.waits_for = release_number(newer)
-                    return False
-                check_flight(session, decoded, operator, row.supersedes)
-                if row.supersedes:
-                    older = session.get(Record, row.supersedes)
-                    if older is not None:
-                        others |= newly_contradicted(session, older)
-                        older.status, older.ended_at = SUPERSEDED, row.received_at
-                        session.flush()
-                row.pump_id = pump.id
-                row.aircraft, row.position = metadata.aircraft, metadata.position
-                row.flight_id, row.segment = metadata.flight_id, metadata.segment
-                row.started_at, row.flight_hours = started_at, metadata.flight_hours
-                row.pump_type = metadata.pump_type
-                row.attributes = dict(decoded.recording.attributes)
-                mapping = MappingVersion.from_json(row.request["mapping"]) if row.request.get("mapping") else None
-                row.identity_hash = _identity_hash(operator, row.content_hash, decoded, mapping)
-                keep_analysis(row, analysis)
-                row.status, row.waits_for = ANALYSED, None
-                session.flush()
-                refold(session, pump, self._archive, cause)
-                others |= newly_contradicted(session, row)
-                if is_new:
-                    others |= {other.id for other in look_alikes(session, pump)}
+                stored = session.get(Record, row.id, populate_existing=True)
+                if stored is not None and stored.status == STORED:
+                    number = pump.id if pump else _pump_made(session, row.operator, decoded)
+                    fill(stored, number, decoded, identity, analysis)
+                    row = stored
         except IntegrityError:
-            raise Conflict(
-                "the same flight, pump and segment was stored at the same moment by another upload"
-            ) from None
-        refold_others(self._database, self._archive, others, cause)
-        return True
-
-    def _renew(self, operator: str, serial: str) -> None:
-        """Reduce again what older code has left of a pump: it may take long, and must not happen under the lock."""
-        with self._database.reading() as session:
-            held = _pump(session, operator, serial)
-        if held is not None and held.made_with != made_with():
-            reduced_again(self._database, self._archive, held.id)
+            raise Conflict("the same record was stored at the same moment by another upload") from None
+        return row, Incoming(row.id, row.supersedes, analysis)
 
     def _refuse(self, upload: Upload, operator: str, problem: Problem) -> None:
         with self._database.writing() as session:
@@ -310,73 +234,45 @@ class Acceptance:
             )
 
 
-def _new_row(upload: Upload, operator: str, request_hash: str) -> Record:
-    return Record(
-        # a function of what was uploaded, so that records of one instant fold in the same order everywhere
-        id=request_hash[:32],
-        operator=operator,
-        segment="",
-        request={
-            "encoding": upload.content_encoding,
-            "overrides": dict(upload.overrides),
-            "mapping": upload.mapping.to_json() if upload.mapping else None,
-        },
-        attributes={},
-        content_hash=upload.file.digest,
-        content_type=upload.content_type,
-        status=STORED,
-        request_hash=request_hash,
-        supersedes=upload.supersedes,
-        received_at=datetime.now(UTC),
-    )
+@dataclass(frozen=True, slots=True)
+class _Arrival:
+    """An upload that was read, with what it is recognised by and what is known of its pump."""
+
+    decoded: DecodedRecord
+    operator: str
+    upload: Upload
+    request_hash: str
+    surroundings: Surroundings
+
+
+def _add(session: Session, row: Record, principal: Principal, *, was_refused: bool) -> None:
+    if was_refused:
+        earlier = session.get(Record, row.id)
+        if earlier is not None and earlier.status == REFUSED:
+            session.delete(earlier)
+            session.flush()
+    session.add(row)
+    details = {"supersedes": row.supersedes} if row.supersedes else {}
+    audit.note(session, principal, "record.upload", f"record/{row.id}", row.operator, details)
+    session.flush()
 
 
 def _is_for_us() -> ColumnElement[bool]:
     return or_(Record.waits_for.is_(None), Record.waits_for <= release_number())
 
 
-def _pump(session: Session, operator: str, serial: str) -> Pump | None:
-    return session.scalar(select(Pump).where(Pump.operator == operator, Pump.serial == serial))
-
-
-def _locked_pump(session: Session, operator: str, serial: str, kind: str) -> tuple[Pump, bool]:
-    """The pump's row, locked until the transaction ends, and whether it is new: made, unconfirmed, when not known."""
+def _pump_made(session: Session, operator: str, decoded: DecodedRecord) -> int:
+    """Number of a pump that a record brings along: made, unconfirmed, unless somebody was quicker."""
+    metadata = decoded.metadata
     values = {
         "operator": operator,
-        "serial": serial,
-        "pump_type": kind,
+        "serial": metadata.pump_serial,
+        "pump_type": metadata.pump_type or DEFAULT_PUMP_TYPE,
         "confirmed": False,
         "created_at": datetime.now(UTC),
-        "look": look_of(serial),
+        "look": look_of(metadata.pump_serial),
     }
     insert = sqlite.insert if session.get_bind().dialect.name == "sqlite" else postgresql.insert
     wanted = insert(Pump).values(**values).on_conflict_do_nothing(index_elements=["operator", "serial"])
-    made = session.execute(wanted.returning(Pump.id)).first()
-    query = select(Pump).where(Pump.operator == operator, Pump.serial == serial).with_for_update()
-    return session.scalars(query.execution_options(populate_existing=True)).one(), made is not None
-
-
-def _request_hash(operator: str, upload: Upload) -> str:
-    parts: dict[str, Any] = {
-        "operator": operator,
-        "bytes": upload.file.digest,
-        "type": upload.content_type.partition(";")[0].strip().lower(),
-        "encoding": upload.content_encoding.strip().lower(),
-        "overrides": dict(sorted(upload.overrides.items())),
-        "supersedes": upload.supersedes,
-    }
-    if upload.mapping is not None:
-        parts["mapping"] = upload.mapping.to_json()
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
-
-
-def _identity_hash(operator: str, digest: str, decoded: DecodedRecord, mapping: MappingVersion | None) -> str:
-    metadata = decoded.metadata
-    effective: dict[str, Any] = {
-        name: str(getattr(metadata, name)) for name in metadata.__slots__ if name not in ("foreign", "operator")
-    }
-    parts = {"operator": operator, "bytes": digest, "metadata": effective}
-    if mapping is not None:
-        # what the bytes mean depends on how their channels are read, not on the name of the mapping
-        parts["mapping"] = mapping.to_json()["document"]
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+    session.execute(wanted)
+    return session.scalars(select(Pump.id).where(Pump.operator == operator, Pump.serial == metadata.pump_serial)).one()

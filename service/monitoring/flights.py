@@ -1,6 +1,6 @@
 """Flights of a pump: one record each, and dates that do not run against its flight hours."""
 
-from sqlalchemy import select
+from sqlalchemy import and_, or_, select
 from sqlalchemy.orm import Session
 
 from service.errors import Conflict, Fault, Invalid, NotFound
@@ -11,8 +11,27 @@ from service.ingest.decode import DecodedRecord
 from service.storage.tables import ANALYSED, MaintenanceEvent, Pump, Record
 
 
-def check_flight(session: Session, decoded: DecodedRecord, operator: str, supersedes: str | None) -> None:
+def check_flight(
+    session: Session,
+    operator: str,
+    pump: Pump | None,
+    decoded: DecodedRecord,
+    identity: str | None,
+    supersedes: str | None,
+    own: str | None = None,
+) -> Record | None:
     """Refuse a second record for the same flight, pump and segment, unless it supersedes the first, and a lost clock.
+
+    Parameters
+    ----------
+    pump
+        The record's; None for one that nobody knows.
+    identity
+        Identity of the upload: the stored record that has it is given back, and nothing is checked; None without one.
+    supersedes
+        Id of the record that it replaces.
+    own
+        Id of the record itself, where it is stored already.
 
     Raises
     ------
@@ -24,18 +43,20 @@ def check_flight(session: Session, decoded: DecodedRecord, operator: str, supers
         when there is no record to supersede.
     """
     metadata = decoded.metadata
-    query = select(Pump).where(Pump.operator == operator, Pump.serial == metadata.pump_serial)
-    pump = session.scalar(query)
-    held = None
-    if pump is not None:
-        held = session.scalar(
-            select(Record).where(
-                Record.pump_id == pump.id,
-                Record.flight_id == metadata.flight_id,
-                Record.segment == metadata.segment,
-                Record.status == ANALYSED,
-            )
-        )
+    same_flight = and_(
+        Record.pump_id == (pump.id if pump else None),
+        Record.flight_id == metadata.flight_id,
+        Record.segment == metadata.segment,
+        Record.status == ANALYSED,
+    )
+    columns = (Record.id, Record.identity_hash, Record.status)
+    found = session.execute(
+        select(*columns).where(same_flight if identity is None else or_(Record.identity_hash == identity, same_flight))
+    ).all()
+    for row in found:
+        if identity is not None and row.identity_hash == identity and row.id != own:
+            return session.get(Record, row.id)
+    held = next((row for row in found if row.id != own), None)
     if supersedes is not None:
         older = session.get(Record, supersedes)
         if older is None or older.operator != operator:
@@ -50,6 +71,7 @@ def check_flight(session: Session, decoded: DecodedRecord, operator: str, supers
         )
     if pump is not None:
         _check_hours(session, pump, decoded, supersedes)
+    return None
 
 
 def _check_hours(session: Session, pump: Pump, decoded: DecodedRecord, supersedes: str | None) -> None:

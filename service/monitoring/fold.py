@@ -38,7 +38,11 @@ def fold(known: Known, observations: Observations) -> tuple[Assessment, ...]:
 
 
 def steps(
-    known: Known, observations: Observations, start: Start | None = None, snapshots_at: Collection[int] = ()
+    known: Known,
+    observations: Observations,
+    start: Start | None = None,
+    snapshots_at: Collection[int] = (),
+    until: int | None = None,
 ) -> Iterator[Step]:
     """Fold from a start on; the answers are those of a fold from the first record on.
 
@@ -48,14 +52,17 @@ def steps(
         Taken from a fold of the same history up to there; None for the beginning.
     snapshots_at
         Numbers of records behind which a snapshot is wanted.
+    until
+        Number of the last record that is assessed; None for the last there is.
     """
     carried = _carried_flags(known.placed)
     history = History((), known.maintenance, known.installation_changes)
     taken = start.records if start else 0
     state = start.fold.verdict.state if start and start.fold.verdict else None
     since = start.since if start else None
+    last = len(known.placed) if until is None else until
     for first, end in pieces(known.placed):
-        if end <= taken:
+        if end <= taken or first >= last:
             continue
         setting = known.placed[first].setting
         if start is not None and first < taken:
@@ -67,7 +74,7 @@ def steps(
             held, begin = Fold(kind, setting.circuit_parameters, known.thresholds, healthy), 0
         outlines = [p.outline for p in known.placed[:end]]
         roles = roles_of(outlines)
-        ids = [o.record_id for o in outlines[begin:]]
+        ids = [o.record_id for o in outlines[begin : min(end, last)]]
         earlier = sorted({roles.adds_to[i] for i in ids if i in roles.adds_to} - set(ids))
         found = observations([*earlier, *ids])
         assessments = held.continued([found[i] for i in ids], roles, history, [found[i] for i in earlier])

@@ -23,7 +23,7 @@ from service.history.knowledge import Knowledge, knowledge
 from service.identity import software
 from service.monitoring.fold import fold
 from service.monitoring.precedence import held_by, left_to_newer, newer_release
-from service.monitoring.refold import REPROCESSED, Cause, refold
+from service.monitoring.refold import REPROCESSED, Cause, apart, refold
 from service.pump_types.parameter_sets import held_type
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, Pump, Record
@@ -158,13 +158,19 @@ def reprocessed(
     _leave_to_newer(database, pump_id)
     # reading a pump's whole history may take minutes: before the lock; what changes meanwhile, the fold notices
     with database.reading() as session:
-        anew = _known(session, archive, session.get_one(Pump, pump_id), wanted, reduce_anew=reduce_anew).anew
+        pump = session.get_one(Pump, pump_id)
+        before, old_rules = points_of(session, pump_id), _rules(session, pump)
+        is_plain = wanted is None and not reduce_anew
+        anew = {} if is_plain else _known(session, archive, pump, wanted, reduce_anew=reduce_anew).anew
+    if is_plain:
+        apart(database, archive, pump_id, cause)  # then the fold below finds everything as it should be
     with database.writing() as session:
         pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
         newer = newer_release(session, pump_id)
         if newer is not None:
             raise held_by(newer, pump.serial)
-        before, old_rules = points_of(session, pump_id), _rules(session, pump)
+        if not is_plain:
+            before, old_rules = points_of(session, pump_id), _rules(session, pump)
         if wanted is not None:
             hold(session, pump, wanted.threshold_version, wanted.author)
         for row in session.scalars(select(Record).where(Record.id.in_(anew), Record.status == ANALYSED)):

@@ -1,46 +1,36 @@
-"""Fold a pump anew and store its verdicts, with a note of every past one that changed; its alarms follow."""
+"""Fold a pump anew and store its verdicts: apart from other writers where it can be, under the pump's lock where it must."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from datetime import UTC, datetime
+import threading
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from datetime import datetime
 
 import structlog
-from sqlalchemy import delete, select
+from sqlalchemy import ColumnElement, or_, select, update
 from sqlalchemy.orm import Session
 
-from detectors.words.verdict import Assessment
-from service.alarms.ledger import follow
 from service.answers import verdicts as answers
 from service.errors import Problem
-from service.history.analysis import keep_analysis
 from service.history.archive import Archive
 from service.history.codec import trend_to_json, verdict_to_json
-from service.history.knowledge import AnyRow, Knowledge, knowledge
-from service.history.known import Known
+from service.history.dossier import Dossier, dossier, outside_numbers
+from service.history.knowledge import knowledge
 from service.history.verdicts import empty_verdict
-from service.identity import software
+from service.identity import release_number, software
 from service.ingest.names import look_of
-from service.monitoring import snapshots
-from service.monitoring.chain import chain
-from service.monitoring.fold import fold, steps
-from service.monitoring.precedence import left_to_newer, take_over
+from service.monitoring.fold import fold
+from service.monitoring.folded import Cause, Folded, folded, keep
+from service.monitoring.precedence import left_to_newer, made_with, take_over
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
 from service.storage.database import Database
-from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
+from service.storage.tables import Pump
 
-
-@dataclass(frozen=True, slots=True)
-class Cause:
-    """Why a pump is folded anew: ``record_received``, ``installation_changed`` …, and the id of what came."""
-
-    kind: str
-    id: str | None = None
-
-
+__all__ = ["REPROCESSED", "Cause", "apart", "claimed", "queue_of", "refold", "refold_others", "verdict_known_at"]
 REPROCESSED = Cause("reprocessed")
-_MOST_IDS = 500
-"""Ids of one query: SQLite allows 999 bound values in old builds."""
+TRIES = 3
+"""Folds without the lock that may find their pump changed; the next one is made under it, so that all come to an end."""
+_queues = [threading.Lock() for _ in range(64)]
 log = structlog.get_logger("casedrain")
 
 
@@ -68,41 +58,90 @@ def refold(
     session.flush()
     if left_to_newer(session, pump):
         return
-    _outline_older(session, pump)
     pump.look = pump.look or look_of(pump.serial)
-    found = knowledge(session, pump, archive)
-    if found.anew:
-        for row in session.scalars(select(Record).where(Record.id.in_(found.anew))):
-            keep_analysis(row, found.anew[row.id])
-    pump.pump_type = found.kind
+    made = folded(session, pump, archive, from_scratch=from_scratch)
+    pump.pump_type = made.found.kind
     take_over(pump, whole=True)
-    version, made_by = found.twin_version, software().to_json()
-    links = chain(found.known, version, found.thresholds.version)
-    stored = _stored(session, pump)
-    same = 0 if from_scratch else _unchanged(found.known, links, stored)
-    placed = {p.outline.record_id: p.outline for p in found.known.placed}
-    changed = [p.outline.record_id for p in found.known.placed[same:]]
-    gone = {i for i in stored if i not in placed} | {i for i in changed if i in stored}
-    assessments = _folded(session, pump, found, links, same, from_scratch=from_scratch) if changed else []
-    _remove(session, pump, stored, gone)
-    session.add_all(
-        StoredAssessment(
-            record_id=a.record_id,
-            pump_id=pump.id,
-            at=a.at,
-            aircraft=placed[a.record_id].aircraft,
-            position=placed[a.record_id].position,
-            state=a.verdict.state.value,
-            trend=trend_to_json(a.trend),
-            verdict=verdict_to_json(a.verdict, version, found.thresholds.version, made_by),
-            chain=link,
-        )
-        for a, link in zip(assessments, links[same:], strict=True)
-    )
-    before = {i: (row.at, row.state) for i, row in stored.items() if i in gone}
-    after = {a.record_id: (a.at, a.verdict.state.value) for a in assessments}
-    session.add_all(_revisions(pump, before, after, cause))
-    follow(session, pump, found.thresholds.values)
+    keep(session, pump, made, cause)
+
+
+def apart(database: Database, archive: Archive, pump_id: int, cause: Cause = REPROCESSED) -> None:
+    """Fold a pump anew without holding up anybody: the fold is made first, and stored if nothing has changed meanwhile.
+
+    Raises
+    ------
+    Unavailable
+        as ``refold`` does.
+    """
+    with database.reading() as session:
+        pump = session.get(Pump, pump_id)
+    if pump is None:
+        return
+    with queue_of(pump.operator, pump.serial):
+        for _ in range(TRIES):
+            if attempted(database, archive, pump_id, cause):
+                return
+        with database.writing() as session:
+            query = select(Pump).where(Pump.id == pump_id).with_for_update()
+            locked = session.scalar(query.execution_options(populate_existing=True))
+            if locked is not None:
+                refold(session, locked, archive, cause)
+
+
+def attempted(
+    database: Database,
+    archive: Archive,
+    pump_id: int,
+    cause: Cause = REPROCESSED,
+    given_up: Callable[[], bool] = lambda: False,
+) -> bool:
+    """Fold a pump without its lock, then store that: False where the pump has changed meanwhile and nothing was stored.
+
+    Raises
+    ------
+    GivenUpError
+        as soon as ``given_up`` says so.
+    """
+    with database.reading() as session:
+        pump = session.get(Pump, pump_id)
+        known = dossier(session, pump.operator, pump.serial) if pump else None
+        if known is None:
+            return True
+        made = folded(session, known.pump, archive, known, given_up=given_up)
+    with database.writing() as session:
+        if not claimed(session, known, made, *outside_unchanged(known)):
+            return False
+        keep(session, known.pump, made, cause)
+    return True
+
+
+def claimed(session: Session, known: Dossier, made: Folded, *conditions: ColumnElement[bool]) -> bool:
+    """Lock a pump and take it over, unless it has changed since it was read, or conditions fail; True where it is taken."""
+    pump = known.pump
+    is_ours = or_(Pump.made_by.is_(None), Pump.made_by <= release_number())
+    values = {
+        "revision": Pump.revision + 1,
+        "pump_type": made.found.kind,
+        "look": look_of(pump.serial),
+        "made_by": release_number(),
+        "made_with": made_with() if made.is_whole else None,
+    }
+    wanted = update(Pump).where(Pump.id == pump.id, Pump.revision == pump.revision, is_ours, *conditions).values(values)
+    taken = session.execute(wanted.execution_options(synchronize_session=False))
+    return bool(taken.rowcount == 1)
+
+
+def outside_unchanged(known: Dossier) -> list[ColumnElement[bool]]:
+    """Conditions under which what holds for many pumps is as it was."""
+    newest = outside_numbers(known.pump.operator)
+    return [now == then for now, then in zip(newest, known.outside, strict=True)]
+
+
+@contextmanager
+def queue_of(operator: str, serial: str) -> Iterator[None]:
+    """One after the other within this process: folds of one pump at the same time would only find each other's changes."""
+    with _queues[hash((operator, serial)) % len(_queues)]:
+        yield
 
 
 def refold_others(database: Database, archive: Archive, pump_ids: Collection[int], cause: Cause) -> None:
@@ -112,11 +151,7 @@ def refold_others(database: Database, archive: Archive, pump_ids: Collection[int
     """
     for pump_id in sorted(pump_ids):
         try:
-            with database.writing() as session:
-                query = select(Pump).where(Pump.id == pump_id).with_for_update()
-                pump = session.scalar(query.execution_options(populate_existing=True))
-                if pump is not None:
-                    refold(session, pump, archive, cause)
+            apart(database, archive, pump_id, cause)
         except Problem as problem:
             log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
 
@@ -150,77 +185,3 @@ def verdict_known_at(
         for a in assessments
     ]
     return crossed(verdict, trends, found.known.installation_changes, found.thresholds.values)
-
-
-def _outline_older(session: Session, pump: Pump) -> None:
-    """Outline what was reduced before there were outlines, so that it is read this once."""
-    query = select(Record).where(
-        Record.pump_id == pump.id, Record.status == ANALYSED, Record.reduction_digest.is_(None)
-    )
-    for row in session.scalars(query):
-        row.reduction = row.reduction  # the row outlines whatever is assigned
-
-
-def _unchanged(known: Known, links: Sequence[str], stored: Mapping[str, AnyRow]) -> int:
-    """Number of records from the first on whose stored assessments still hold."""
-    for i, (here, link) in enumerate(zip(known.placed, links, strict=True)):
-        row = stored.get(here.outline.record_id)
-        if row is None or row.chain != link:
-            return i
-    return len(links)
-
-
-def _folded(
-    session: Session, pump: Pump, found: Knowledge, links: Sequence[str], same: int, *, from_scratch: bool
-) -> list[Assessment]:
-    """Assessments of the records behind the first ``same``; snapshots are left on the way."""
-    start = None if from_scratch else snapshots.start_of(session, pump.id, found.known, links, same)
-    begin = start.records if start else 0
-    places = snapshots.missing(session, pump.id, links, start)
-    taken = {}
-    assessments = []
-    for number, step in enumerate(steps(found.known, found.observations(session), start, places), begin + 1):
-        if number > same:
-            assessments.append(step.assessment)
-        if step.snapshot is not None:
-            taken[number] = step
-    snapshots.keep(session, pump.id, links, taken)
-    return assessments
-
-
-def _stored(session: Session, pump: Pump) -> dict[str, AnyRow]:
-    columns = (StoredAssessment.record_id, StoredAssessment.at, StoredAssessment.state, StoredAssessment.chain)
-    return {row.record_id: row for row in session.execute(select(*columns).where(StoredAssessment.pump_id == pump.id))}
-
-
-def _remove(session: Session, pump: Pump, stored: Mapping[str, AnyRow], gone: Collection[str]) -> None:
-    """Delete the assessments of some records; in one statement where those are all."""
-    if len(gone) == len(stored):
-        session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
-        return
-    ids = sorted(gone)
-    for start in range(0, len(ids), _MOST_IDS):
-        session.execute(delete(StoredAssessment).where(StoredAssessment.record_id.in_(ids[start : start + _MOST_IDS])))
-
-
-_States = Mapping[str, tuple[datetime, str]]
-
-
-def _revisions(pump: Pump, before: _States, after: _States, cause: Cause) -> list[VerdictRevision]:
-    """Past verdicts that changed; a record's first verdict is news, not a revision."""
-    now = datetime.now(UTC)
-    later = {record_id: state for record_id, (_, state) in after.items()}
-    return [
-        VerdictRevision(
-            pump_id=pump.id,
-            record_id=record_id,
-            at=at,
-            old_state=old,
-            new_state=later.get(record_id),
-            cause=cause.kind,
-            cause_id=cause.id,
-            changed_at=now,
-        )
-        for record_id, (at, old) in sorted(before.items())
-        if later.get(record_id) != old
-    ]

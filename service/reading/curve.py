@@ -10,6 +10,7 @@ from detectors.words.observation import History, Maintenance
 from service.answers.pumps import CurveResiduals, DamageIdentificationCurve
 from service.answers.words import instant
 from service.history.analysis import observation_of
+from service.history.dossier import dossier
 from service.history.healthy_curves import healthy_curve
 from service.history.knowledge import counting_records, entries, installation_intervals, setting_of
 from service.history.placement import changes, place_at
@@ -46,7 +47,7 @@ def curve_of(
     if rows:
         last = rows[-1]
         place = (last.aircraft or "", last.position or "")
-        setting = setting_of(session, pump.operator, pump.serial, *place, _start(last))
+        setting = setting_of(session, pump.operator, dossier(session, pump.operator, pump.serial), *place, _start(last))
     base = held_type(session, pump.operator, pump.pump_type)
     kind = setting.pump_type(base)
     condition = latest_condition(observations, kind)

@@ -346,16 +346,13 @@ class AssessmentOfRecord:
     verdict: Verdict
 
 
-def assessment_of(session: Session, record_id: str) -> AssessmentOfRecord:
-    """Assessment right after one analysed record.
-
-    Raises
-    ------
-    NotFound
-        when the record is not assessed.
-    """
-    query = select(Pump.serial, StoredAssessment.verdict).join(StoredAssessment, StoredAssessment.pump_id == Pump.id)
-    found = session.execute(query.where(StoredAssessment.record_id == record_id)).first()
-    if found is None:
-        raise NotFound(f"record {record_id} has no verdict")
-    return AssessmentOfRecord(found[0], found[1])
+def record_with_assessment(
+    session: Session, principal: Principal, record_id: str
+) -> tuple[Record, AssessmentOfRecord | None]:
+    """One record with the assessment right after it, where there is one; raises as ``record`` does."""
+    query = select(Record, Pump.serial, StoredAssessment.verdict)
+    query = query.outerjoin(StoredAssessment, StoredAssessment.record_id == Record.id)
+    found = session.execute(query.outerjoin(Pump, Pump.id == Record.pump_id).where(Record.id == record_id)).first()
+    if found is None or principal.operator not in (None, found[0].operator):
+        raise NotFound(f"there is no record {record_id}")
+    return found[0], None if found[2] is None else AssessmentOfRecord(found[1], found[2])

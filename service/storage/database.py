@@ -1,6 +1,7 @@
 """Engine and sessions: the same code for SQLite and Postgres, one transaction per request."""
 
 import fcntl
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -37,6 +38,7 @@ class Database:
         self.engine = _engine(url)
         self._reading = sessionmaker(self.engine, expire_on_commit=False)
         self._writing = sessionmaker(self.engine.execution_options(writes=True), expire_on_commit=False)
+        self._turn = threading.Lock()
         event.listen(self._writing, "before_commit", lambda session: chain_noted(session, audit_key))
 
     @property
@@ -58,8 +60,14 @@ class Database:
     @contextmanager
     def writing(self) -> Iterator[Session]:
         """Session whose block is one transaction: committed at the end, rolled back on any error."""
-        with self._writing.begin() as session:
-            yield session
+        # SQLite wakes nobody who waits for its writer's lock: they look again after ever longer pauses, and some for seconds
+        waits = self.is_sqlite and self._turn.acquire(timeout=_LOCK_TIMEOUT_MS / 1e3)
+        try:
+            with self._writing.begin() as session:
+                yield session
+        finally:
+            if waits:
+                self._turn.release()
 
     @contextmanager
     def snapshot(self) -> Iterator[Session]:

@@ -266,6 +266,11 @@ def thresholds_of(
     return effective_thresholds(session, layers, known_at, candidate, kind=found)
 
 
+def default_thresholds(session: Session, operator: str, kind: str) -> Effective:
+    """Effective thresholds of a pump of which it is known that no layer of it has any version."""
+    return _laid((), find_type(session, operator, kind))
+
+
 def thresholds_of_many(session: Session, pumps: Sequence[Pump]) -> dict[int, Effective]:
     """Effective thresholds of many pumps now, by the pump's number: what ``thresholds_of`` gives for each.
 

@@ -25,6 +25,7 @@ from service.web.api_document.document import openapi_document
 from service.web.api_document.page import docs_router
 from service.web.dashboard.frame import STATIC
 from service.web.dashboard.routers import dashboard_router
+from service.web.dependencies import settled
 from service.web.edge import Edge
 from service.web.problems import handle_problems
 from service.web.routes import (
@@ -93,7 +94,7 @@ def create_app(settings: Settings) -> FastAPI:
         lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
-        dependencies=[Depends(whole_names)],
+        dependencies=[Depends(whole_names), Depends(settled)],
     )
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
     api = APIRouter(prefix=API_PREFIX)

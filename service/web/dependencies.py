@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import Depends, Request
+from starlette.concurrency import run_in_threadpool
 
 from service.access.security import EVERYBODY, Principal, principal_of, touch_key
 from service.access.sessions import Visitor, find_session, session_cookie
@@ -11,12 +12,21 @@ from service.errors import Unauthenticated
 from service.settings import is_loopback
 from service.storage.database import Database
 from service.storage.failures import passing_failures
+from service.web.addresses import API_PREFIX
 
 
 def context_of(request: Request) -> Context:
     """The service's parts."""
     context: Context = request.app.state.context
     return context
+
+
+async def settled(request: Request) -> None:
+    """Let no request but an upload see a history in which a late record's followers still have the verdicts of before."""
+    settling = context_of(request).acceptance.settling
+    is_upload = request.method == "POST" and request.url.path == f"{API_PREFIX}/records"
+    if settling.is_due and not is_upload and request.url.path not in _OF_NO_PUMP:
+        await run_in_threadpool(settling.settle)
 
 
 def principal(request: Request) -> Principal:
@@ -76,6 +86,7 @@ async def _context(request: Request) -> Context:
     return context_of(request)
 
 
+_OF_NO_PUMP = ("/healthz", "/readyz", "/metrics")
 ContextOf = Annotated[Context, Depends(_context)]
 
 

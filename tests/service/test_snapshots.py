@@ -15,7 +15,7 @@ from service.alarms.ledger import points_of
 from service.context import Context
 from service.history import knowledge
 from service.monitoring.refold import refold
-from service.monitoring.snapshots import snapshot_places
+from service.monitoring.snapshots import snapshot_places, warm
 from service.running import opened
 from service.settings import Settings
 from service.storage.tables import FoldSnapshot, MaintenanceEvent, Record, StoredAssessment
@@ -81,10 +81,10 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 def test_a_history_keeps_few_snapshots_and_what_it_keeps_it_had() -> None:
     for n in range(1, 2000):
-        assert len(snapshot_places(n)) <= 6
+        assert len(snapshot_places(n)) <= 4 + n // 128
         assert snapshot_places(n) <= snapshot_places(n - 1) | {n}
     assert snapshot_places(0) == set()
-    assert snapshot_places(1000) == {1000, 999, 992, 976, 896, 768}
+    assert snapshot_places(1000) == {992, 976, *range(128, 1000, 128)}
 
 
 def test_appending_late_and_corrected_records_read_only_what_follows(
@@ -115,19 +115,20 @@ def test_appending_late_and_corrected_records_read_only_what_follows(
 
 
 def test_other_chains_and_damaged_bytes_are_ignored(context: Context, flights: Sequence[Observation]) -> None:
-    store(context, flights[:20], SERIAL, OPERATOR)
+    store(context, flights[:36], SERIAL, OPERATOR)
+    warm.forget()
     with context.database.writing() as session:
         for row in session.scalars(select(FoldSnapshot)):
-            if row.records == 20:
+            if row.records == 32:
                 row.content = row.content[:-1] + bytes([row.content[-1] ^ 1])
             else:
                 row.chain = "0" * 64
     with capture_logs() as logs:
-        store(context, flights[20:21], SERIAL, OPERATOR)
+        store(context, flights[36:37], SERIAL, OPERATOR)
     (line,) = [entry for entry in logs if entry["event"] == "snapshot ignored"]
-    assert (line["log_level"], line["records"]) == ("warning", 20)
+    assert (line["log_level"], line["records"]) == ("warning", 32)
     stored = assessments(context)
-    assert set(kept(context)) == snapshot_places(21)
+    assert set(kept(context)) == snapshot_places(37)
     assert stored == from_scratch(context)
 
 
@@ -161,7 +162,8 @@ def test_whatever_comes_before_a_snapshot_ends_it(context: Context, flights: Seq
 
 def test_histories_older_than_snapshots_are_taken_over(context: Context, flights: Sequence[Observation]) -> None:
     """After the migration rows have neither outlines nor links; the next fold gives them both."""
-    store(context, flights[:12], SERIAL, OPERATOR)
+    store(context, flights[:20], SERIAL, OPERATOR)
+    warm.forget()
     stored = assessments(context)
     with context.database.writing() as session:
         points = points_of(session, locked(session, SERIAL, OPERATOR).id)
@@ -175,7 +177,7 @@ def test_histories_older_than_snapshots_are_taken_over(context: Context, flights
         assert points_of(session, locked(session, SERIAL, OPERATOR).id) == points
     again(context)
     assert assessments(context) == stored
-    assert set(kept(context)) == snapshot_places(12)
+    assert set(kept(context)) == snapshot_places(20) != set()
 
 
 def test_snapshots_survive_a_restart_and_go_with_their_operator(
@@ -183,15 +185,16 @@ def test_snapshots_survive_a_restart_and_go_with_their_operator(
 ) -> None:
     with TestClient(create_app(settings), base_url="http://localhost") as client:
         before = client.app.state.context  # type: ignore[attr-defined]
-        store(before, flights[:10], SERIAL, OPERATOR)
-        store(before, [replace(o, aircraft="G-1") for o in flights[:3]], SERIAL, "south")
+        store(before, flights[:20], SERIAL, OPERATOR)
+        store(before, [replace(o, aircraft="G-1") for o in flights[:17]], SERIAL, "south")
+    warm.forget()
     with TestClient(create_app(settings), base_url="http://localhost") as client:
         after = client.app.state.context  # type: ignore[attr-defined]
         read.clear()
-        store(after, flights[10:11], SERIAL, OPERATOR)
-        assert len(read) == 1
+        store(after, flights[20:21], SERIAL, OPERATOR)
+        assert len(read) == 21 - 16
         url = f"/api/v1/operators/{OPERATOR}"
         gone = client.request("DELETE", url, params={"reason": "they left", "confirm": OPERATOR})
         assert gone.status_code == 200, gone.text
-        assert gone.json()["receipt"]["rows"]["fold_snapshots"] == len(snapshot_places(11))
-        assert set(kept(after)) == snapshot_places(3)
+        assert gone.json()["receipt"]["rows"]["fold_snapshots"] == len(snapshot_places(21)) == 1
+        assert set(kept(after)) == snapshot_places(17)

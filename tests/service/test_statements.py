@@ -10,7 +10,7 @@ from sqlalchemy import Engine, event
 
 from tests.service.records import document
 
-MOST = 55
+MOST = 15
 
 
 @contextmanager

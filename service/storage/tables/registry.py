@@ -16,6 +16,7 @@ class Pump(Base):
     ``look`` is what the serial number looks like to somebody in a hurry (``service.ingest.names``); empty on rows older than it.
     ``made_by`` is the release, as a number that sorts, of the newest process that has written the pump's reductions or
     verdicts, and ``made_with`` the hash of its code: empty where they are to be made again.
+    ``revision`` is raised, under the pump's lock, by whoever changes what is stored of it.
     """
 
     __tablename__ = "pumps"
@@ -30,6 +31,7 @@ class Pump(Base):
     look: Mapped[str | None]
     made_by: Mapped[int | None]
     made_with: Mapped[str | None]
+    revision: Mapped[int] = mapped_column(default=0, server_default="0")
 
 
 class Aircraft(Base):

@@ -10,7 +10,7 @@ from service.access.security import Principal
 from service.answers import records as answers
 from service.answers.words import Page, instant
 from service.context import Context
-from service.errors import Fault, Invalid
+from service.errors import Fault, Invalid, NotFound
 from service.identity import release_of
 from service.ingest.file_formats import CONTENT_TYPES
 from service.ingest.file_names import named_by
@@ -194,7 +194,7 @@ def mapping_of(
 
 def _answer(context: Context, asker: Principal, record_id: str) -> answers.Record:
     with context.database.reading() as session:
-        row = queries.record(session, asker, record_id)
+        row, assessment = queries.record_with_assessment(session, asker, record_id)
         document: answers.Record = {
             "record_id": row.id,
             "status": row.status,
@@ -215,7 +215,8 @@ def _answer(context: Context, asker: Principal, record_id: str) -> answers.Recor
             document["waits_for_release"] = release_of(row.waits_for)
         if row.status != ANALYSED:
             return document
-        assessment = queries.assessment_of(session, row.id)
+        if assessment is None:
+            raise NotFound(f"record {record_id} has no verdict")
         found, reduction = queries.windows_of(row), row.reduction or {}
         usable = [w["residuals"] for w in found if w["kind"] == "zero_flow" and w["accepted"]]
         return {
