@@ -39,12 +39,13 @@ class AsyncClient:
         key: str | None = None,
         *,
         retries: int = 4,
+        needs_answer: bool = False,
         timeout_s: float = 120.0,
         transport: httpx2.AsyncBaseTransport | None = None,
     ) -> None:
         headers = {"Authorization": f"Bearer {key}"} if key else {}
         self._http = httpx2.AsyncClient(base_url=base_url, headers=headers, timeout=timeout_s, transport=transport)
-        self._retries = retries
+        self._retries, self._knows = retries, not needs_answer
 
     async def __aenter__(self) -> Self:
         return self
@@ -309,9 +310,10 @@ class AsyncClient:
                 response = await self._http.request(method, API_PREFIX + path, **arguments)
             except httpx2.TransportError:
                 wait = retries.wait_after_loss()
-                if wait is None:
+                if wait is None or not self._knows:
                     raise
             else:
+                self._knows = True
                 wait = retries.wait_after(response)
                 if wait is None:
                     return document_of(response)

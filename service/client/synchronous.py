@@ -42,6 +42,8 @@ class Client:
     retries
         How often a request is repeated that found no connection or was told to come back. An upload may be
         repeated safely: the same bytes with the same metadata are the same record.
+    needs_answer
+        Whether the first connection that is not found is said at once: who waits for a service to come back has met it.
     timeout_s
         Longest wait for an answer [s].
     transport
@@ -54,12 +56,13 @@ class Client:
         key: str | None = None,
         *,
         retries: int = 4,
+        needs_answer: bool = False,
         timeout_s: float = 120.0,
         transport: httpx2.BaseTransport | None = None,
     ) -> None:
         headers = {"Authorization": f"Bearer {key}"} if key else {}
         self._http = httpx2.Client(base_url=base_url, headers=headers, timeout=timeout_s, transport=transport)
-        self._retries = retries
+        self._retries, self._knows = retries, not needs_answer
 
     def __enter__(self) -> Self:
         return self
@@ -321,9 +324,10 @@ class Client:
                 response = self._http.request(method, API_PREFIX + path, **arguments)
             except httpx2.TransportError:
                 wait = retries.wait_after_loss()
-                if wait is None:
+                if wait is None or not self._knows:
                     raise
             else:
+                self._knows = True
                 wait = retries.wait_after(response)
                 if wait is None:
                     return document_of(response)

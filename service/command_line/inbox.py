@@ -11,6 +11,14 @@ import typer
 
 from service.command_line.command import Command
 from service.command_line.console import failure, listener, say
+from service.command_line.mapping_options import (
+    MappingOption,
+    Naming,
+    PatternOption,
+    SetOption,
+    set_values,
+    stored_name,
+)
 
 if TYPE_CHECKING:
     from service.inbox.watching import Event, Inbox
@@ -27,10 +35,9 @@ def watch(
         str, typer.Option(envvar="CASEDRAIN_URL", help="Where the service listens")
     ] = "http://127.0.0.1:8000",
     key: Annotated[str | None, typer.Option(envvar="CASEDRAIN_KEY", help="API key")] = None,
-    mapping: Annotated[str | None, typer.Option(help="Name of the channel mapping that the files need")] = None,
-    set_: Annotated[
-        list[str] | None, typer.Option("--set", help="Metadata of every file: key=value; may be repeated")
-    ] = None,
+    mapping: MappingOption = None,
+    set_: SetOption = None,
+    name_pattern: PatternOption = None,
     interval: Annotated[
         float, typer.Option(min=0.1, help="Seconds between two looks; who has not changed meanwhile is complete")
     ] = 5.0,
@@ -53,13 +60,15 @@ def watch(
     With --json a line is {"event": "stored|refused|waiting|delayed|passed over", "file", "words", "record_id",
     "status", "problem"}.
     """
-    from service.client import Client  # noqa: PLC0415 - heavy, and only here
+    from service.client import Client, RefusedError  # noqa: PLC0415 - heavy, and only here
+    from service.errors import Problem  # noqa: PLC0415
     from service.inbox.journal import Journal  # noqa: PLC0415
     from service.inbox.place import Place  # noqa: PLC0415
     from service.inbox.watching import Inbox, Rules, WrongSetUpError  # noqa: PLC0415
     from service.ingest.upload_files import content_type_of  # noqa: PLC0415
 
-    metadata = _metadata(set_)
+    values = set_values(set_)
+    naming = Naming(name_pattern, values)
     rules = Rules(interval, marker, leave is not None)
     try:
         looked_at = Place(place)
@@ -69,10 +78,16 @@ def watch(
     with Journal(leave or _journal_of(looked_at)) as kept, Client(url, key, retries=_RETRIES) as client:
 
         def send(name: str, content: bytes) -> Any:
-            called = Path(name).name if mapping else None  # a mapping may read metadata from it
-            kind = content_type_of(Path(name))
-            return client.upload(content, kind, metadata=metadata, mapping=mapping, file_name=called)
+            path = Path(name)
+            try:
+                metadata = naming.of(path)
+            except Problem as problem:
+                raise RefusedError(problem.body()) from None
+            # a mapping may read metadata from the file's name
+            called = path.name if named else None
+            return client.upload(content, content_type_of(path), metadata=metadata, mapping=named, file_name=called)
 
+        named = _named(client, mapping, values)
         inbox = Inbox(looked_at, kept, send, rules)
         told = _Told(json_)
         try:
@@ -89,12 +104,14 @@ def watch(
         raise typer.Exit(1)
 
 
-def _metadata(given: list[str] | None) -> dict[str, str]:
-    pairs = [text.partition("=") for text in given or ()]
-    bad = [key for key, mark, _ in pairs if not mark or not key.strip()]
-    if bad:
-        raise failure(f"--set {', '.join(bad)}: write key=value", 2)
-    return {key.strip(): value for key, _, value in pairs}
+def _named(client: Any, mapping: str | None, values: dict[str, str]) -> str | None:
+    """Name of a stored mapping; only one from a file needs the service before there is anything to send."""
+    import httpx2  # noqa: PLC0415
+
+    try:
+        return stored_name(client, mapping, values.get("operator"))
+    except httpx2.HTTPError as error:
+        raise failure(f"the service does not answer ({error}): the mapping of {mapping} cannot be stored") from None
 
 
 def _journal_of(place: Any) -> Path:

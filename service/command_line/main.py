@@ -1,7 +1,6 @@
 """The command line."""
 
 import time
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -209,11 +208,10 @@ def upload(
         say(f"… and {len(others) - _MOST_PASSED_OVER} more files passed over", to=complaints())
     if missing:
         raise failure(f"no flight records at {', '.join(missing)}; nothing was uploaded", 2)
-    _check_there(url, key)
     n_refused = 0
     rows: list[dict[str, Any]] = []
     to = listener(json_)
-    with Client(url, key, retries=_UPLOAD_RETRIES) as client:
+    with Client(url, key, retries=_UPLOAD_RETRIES, needs_answer=True) as client:
         try:
             named = stored_name(client, mapping, values.get("operator"))
         except httpx2.HTTPError as error:
@@ -366,17 +364,3 @@ def analyse(
         say_json({"pumps": answers, "refused": [refusal(path, problem) for path, problem in found.refused]})
     if found.refused:
         raise failure(f"{len(found.refused)} of {len(files)} files were refused")
-
-
-def _check_there(url: str, key: str | None) -> None:
-    """Say at once that nothing listens: who waits for a service to come back has met it before."""
-    import httpx2  # noqa: PLC0415 - heavy, and only here
-
-    from service.client import Client, RefusedError  # noqa: PLC0415
-
-    try:
-        # whatever is answered, somebody is there
-        with Client(url, key, retries=0) as client, suppress(RefusedError):
-            client.request("GET", "/thresholds/keys")
-    except httpx2.HTTPError as error:
-        raise failure(f"{url} does not answer ({error}): is `casedrain serve` running?") from None

@@ -23,7 +23,12 @@ OVERLAP_TOLERANCE = timedelta(seconds=60.0)
 """Clocks of two recorders differ by as much (our choice)."""
 LONGEST_SILENCE = timedelta(days=5 * 365)
 """Years without a record are likelier a clock that was lost (our choice)."""
+_MOST_AGREE = 3
+"""Records whose dates and hours agree against the one before them."""
 OVERHAUL = "pump_overhauled"
+MISDATED = (
+    "its date is not that of its flight, as the records behind it show: it is evidence of nothing until it is corrected"
+)
 HOURS_BACKWARDS = "flight hours run against the dates: a recorder's clock was lost, or hours were counted anew"
 HOURS_TOO_FAST = "flight hours grow faster than time: a recorder's clock was lost, or the hours are not hours"
 COPIED_ELSEWHERE = "another pump has a record with the same samples"
@@ -65,6 +70,27 @@ def copies(own: Sequence[Said]) -> frozenset[str]:
     return frozenset(found)
 
 
+def misdated(own: Sequence[Said], maintenance: Sequence[Maintenance]) -> frozenset[str]:
+    """The first record by date where several behind it agree that it does not belong there: its recorder's clock was lost.
+
+    They count clearly fewer flight hours than it, each more than the one before, with no overhaul in between; or it lies
+    more than five years before them. One against three is clear (our choice); one against one is not.
+    """
+    ordered = sorted(own, key=lambda said: said.order)
+    if len(ordered) <= _MOST_AGREE:
+        return frozenset()
+    first, following = ordered[0], ordered[1 : 1 + _MOST_AGREE]
+    if following[0].at - first.at > LONGEST_SILENCE:
+        return frozenset({first.record_id})
+    overhauls = [m.at for m in maintenance if m.action == OVERHAUL]
+    stated = [said for said in ordered[1:] if said.hours is not None][:_MOST_AGREE]
+    if first.hours is None or len(stated) < _MOST_AGREE or any(first.at < at <= stated[-1].at for at in overhauls):
+        return frozenset()
+    fewer = all(_fewer(first, said, CLEARLY_HOURS) for said in stated)
+    agree = not any(_fewer(a, b, HOURS_TOLERANCE) for a, b in pairwise(stated))
+    return frozenset({first.record_id}) if fewer and agree else frozenset()
+
+
 def remarks_on(
     own: Sequence[Said], elsewhere: Mapping[str, Sequence[str]], maintenance: Sequence[Maintenance]
 ) -> Remarks:
@@ -80,11 +106,14 @@ def remarks_on(
         What was done to the pump; an overhaul counts the hours anew.
     """
     found: Remarks = {}
-    ordered = sorted(own, key=lambda said: said.order)
+    lost = misdated(own, maintenance)
+    in_order = sorted(own, key=lambda said: said.order)
+    ordered = [said for said in in_order if said.record_id not in lost]
     for record_id, words in (
+        *((record_id, MISDATED) for record_id in sorted(lost)),
         *_copies(ordered),
         *_overlaps(ordered),
-        *((here.record_id, words) for here in ordered for words in elsewhere.get(here.record_id, ())),
+        *((here.record_id, words) for here in in_order for words in elsewhere.get(here.record_id, ())),
         *hours_against_dates(ordered, [m.at for m in maintenance if m.action == OVERHAUL]),
         *_silences(ordered),
     ):

@@ -35,6 +35,10 @@ _NAMING = {
 """Tables that name a pump, by what they hold."""
 
 
+class ChangedError(Exception):
+    """What was read of a pump is no longer so."""
+
+
 @dataclass(frozen=True, slots=True)
 class Dossier:
     """A pump as it was read; ``registry`` are the newest values of the pump and of one aircraft, by kind and name.

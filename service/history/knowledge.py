@@ -13,8 +13,8 @@ from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Mark, Observation
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, marked_key, observation_at
 from service.history.archive import Archive
-from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, names_alike, remarks_on
-from service.history.dossier import Dossier
+from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, misdated, names_alike, remarks_on
+from service.history.dossier import ChangedError, Dossier
 from service.history.healthy_curves import healthy_curve
 from service.history.known import Known, Observations, PlacedRecord
 from service.history.neighbours import copied_elsewhere, counting, look_alikes, place_taken, said_by
@@ -57,8 +57,9 @@ class Knowledge:
 
     ``anew`` holds the analyses that differ from the stored ones, by record: other thresholds, surroundings or
     pump type than they were made with. ``flight_hours`` are those of the records that state them. ``copies`` are
-    records whose samples are another's, which are evidence of nothing. ``incoming`` is the analysis of a record that comes,
-    ``contradicted`` what records of other pumps say against it, ``without_outline`` are records older than outlines.
+    records whose samples are another's, or whose date is wrong, which are evidence of nothing. ``incoming`` is the
+    analysis of a record that comes, ``contradicted`` what records of other pumps say against it, ``without_outline``
+    are records older than outlines.
     """
 
     known: Known
@@ -127,8 +128,11 @@ def knowledge(
     incoming
         A record that counts as if it were analysed.
     """
-    columns = (*_LIGHT, copied_elsewhere(known_at), place_taken(known_at))
+    revision = select(Pump.revision).where(Pump.id == pump.id).scalar_subquery().label("revision")
+    columns = (*_LIGHT, copied_elsewhere(known_at), place_taken(known_at), revision)
     rows = session.execute(select(*columns).where(*_counting(pump.id, known_at, incoming))).all()
+    if dossier is not None and rows and rows[0].revision != dossier.pump.revision:
+        raise ChangedError
     there = dict(dossier.registry) if dossier else {}
     name, registered = _kind(session, pump, rows, known_at, there.get(("pump", pump.serial)))
     name = pump_type_name or name
@@ -151,7 +155,7 @@ def knowledge(
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
     maintenance = _maintenance(session, pump.id, known_at) if may_have("maintenance") else ()
     own = [said_by(pump.serial, row) for row in rows]
-    remarks, again = remarks_on(own, _elsewhere(rows), maintenance), copies(own)
+    remarks, again = remarks_on(own, _elsewhere(rows), maintenance), copies(own) | misdated(own, maintenance)
     for row in rows:
         if len(anew) == most_anew:
             break

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from detectors.words.observation import Reduction
+from service.ingest.doubts import doubts
 from service.ingest.scales import scale_remarks
 from twin.parameters import PumpType
 from twin.recording import REQUIRED_CHANNELS, TIME, Recording
@@ -32,8 +33,8 @@ class Traits:
 
 
 def without_evidence(reduction: Reduction) -> Reduction:
-    """A reduction that says nothing: of a record that only repeats the samples of another."""
-    said = "its samples are those of another flight"
+    """A reduction that says nothing: of a record that repeats the samples of another, or whose date is wrong."""
+    said = "its samples are those of another flight, or its date is wrong"
     return replace(reduction, windows=(), explanation=said, spectrum=None, droop=None, behaviours={})
 
 
@@ -49,4 +50,5 @@ def traits_of(recording: Recording, pump: PumpType) -> Traits:
         single = np.asarray(samples, np.float32) + np.float32(0.0)
         single[np.isnan(single)] = np.nan
         hashed.update(single.tobytes())
-    return Traits(float(recording.time_s[-1]), hashed.hexdigest(), scale_remarks(recording.channels, pump))
+    remarks = scale_remarks(recording.channels, pump) + doubts(recording.channels, pump)
+    return Traits(float(recording.time_s[-1]), hashed.hexdigest(), remarks)

@@ -355,7 +355,7 @@ def _mended(found: Instants, reading: Reading) -> Instants:
         inner = lengths[1:-1] if len(lengths) > 2 else lengths
         usual = float(np.median(inner))
         if usual >= _FEWEST_REPEATS or reading.spread:
-            seconds = _spread(seconds, starts, lengths, usual)
+            seconds = spread(seconds)
             if usual >= _FEWEST_REPEATS:
                 text = f"instants repeat {usual:g} times: samples are spread evenly over the step to the next instant"
                 found.flags.append(text)
@@ -364,8 +364,11 @@ def _mended(found: Instants, reading: Reading) -> Instants:
     return found
 
 
-def _spread(seconds: Samples, starts: Any, lengths: Any, usual: float) -> Samples:
-    """Samples of equal instants spread over the step; the first run may have begun late, the last may end early."""
+def spread(seconds: Samples) -> Samples:
+    """Samples of equal instants [s] spread over the step; the first run may have begun late, the last may end early."""
+    starts = np.flatnonzero(np.diff(seconds, prepend=-math.inf) != 0.0)
+    lengths = np.diff(starts, append=len(seconds))
+    usual = float(np.median(lengths[1:-1] if len(lengths) > 2 else lengths))
     stamps = seconds[starts]
     positive = np.diff(stamps)[np.diff(stamps) > 0.0]
     step = float(np.median(positive)) if len(positive) else 0.0

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from service.ingest.instants import spread
 from service.ingest.raw import RawRecord, Samples
 from twin.recording import OPTIONAL_CHANNELS, TIME
 
@@ -120,7 +121,7 @@ def _once(channels: dict[str, Samples], flags: list[str]) -> dict[str, Samples]:
             same &= (a == b) | np.isnan(a) | np.isnan(b)
     if len(again) > _COARSE_SHARE * len(time) and same.mean() < _COARSE_SHARE:
         flags.append("the clock is coarser than the rows: rows of one instant spread evenly up to the next")
-        return {**channels, TIME: _spread(time)}
+        return {**channels, TIME: spread(time)}
     first = np.concatenate(([True], np.diff(time) > 0.0))
     starts = np.flatnonzero(first)
     kept = {name: samples[first] for name, samples in channels.items()}
@@ -136,21 +137,6 @@ def _once(channels: dict[str, Samples], flags: list[str]) -> dict[str, Samples]:
     words = f", {_rows(differing)} of them with other samples" if differing else ""
     flags.append(f"{_rows(len(again))} at an instant that another row has{words}: left out")
     return kept
-
-
-def _spread(time: Samples) -> Samples:
-    """Times of rows that share an instant, spread evenly up to the next instant; the last ones by the usual step."""
-    starts = np.flatnonzero(np.concatenate(([True], np.diff(time) > 0.0)))
-    counts = np.diff(np.append(starts, len(time)))
-    instants = time[starts]
-    length = np.append(np.diff(instants), np.median(np.diff(instants)) if len(instants) > 1 else 1.0)
-    place = np.arange(len(time)) - np.repeat(starts, counts)
-    # the first and the last instant may hold fewer rows than the clock's step has room for
-    full = max(int(np.median(counts)), 1)
-    room = np.maximum(counts, full)
-    late = np.zeros(len(time))
-    late[: counts[0]] = room[0] - counts[0]
-    return np.repeat(instants, counts) + (place + late) * np.repeat(length / room, counts)
 
 
 def _step(time: Samples) -> float:

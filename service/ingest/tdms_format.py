@@ -59,6 +59,10 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
     if cut and lost.intersection(REQUIRED_CHANNELS):
         text = "was cut short in its last segment, before what is missing was written: copy it again from the recorder"
         faults.append(Fault("body", text))
+    if cut:
+        told = "was lost: the file was cut short before its samples were written"
+        flags += [f"{name} {told}" for name in sorted(lost - {*REQUIRED_CHANNELS})]
+        flags += [words for group in file.groups() for words in _cut_within(group)]
     return RawFile(metadata, tables, faults, not_kept, flags)
 
 
@@ -120,6 +124,18 @@ def _tables(group: Any, not_kept: dict[str, str], *, cut: bool) -> list[Table]:
         else:
             times[name] = own + (own_start - start).total_seconds()
     return [Table(channels, texts, group.name, time, start, times, units, attributes), *apart]
+
+
+def _cut_within(group: Any) -> list[str]:
+    """The channel of a group that the end of the file cuts: alone with its length, and shorter than is usual there."""
+    lengths = {channel.name: len(channel) for channel in group.channels()}
+    often = Counter(lengths.values())
+    usual = max(often, key=lambda n: (often[n], n), default=0)
+    return [
+        f"{name} has {n} of {usual} samples: the file was cut short within them"
+        for name, n in lengths.items()
+        if 0 < n < usual and often[n] == 1
+    ]
 
 
 def _of_length(values: Samples, n: int) -> Samples:

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from service.errors import Conflict, Unavailable
 from service.history.archive import Archive
 from service.history.arrival import known_aircraft
-from service.history.dossier import Dossier, dossier
+from service.history.dossier import ChangedError, Dossier, dossier
 from service.history.knowledge import Incoming
 from service.history.neighbours import copied_elsewhere, look_alikes, newly_contradicted, place_taken
 from service.identity import release_number
@@ -23,10 +23,6 @@ from service.monitoring.settling import Settling
 from service.monitoring.surroundings import Surroundings
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, STORED, SUPERSEDED, Pump, Record
-
-
-class _ChangedError(Exception):
-    """What a fold rests on has changed since it was made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +57,7 @@ class Counting:
                 try:
                     planned = self._counted(row, incoming, decoded, found, in_the_lock=last)
                     break
-                except _ChangedError:
+                except ChangedError:
                     found = None
             else:
                 raise Unavailable("the pump changed again and again while the record was taken: send it once more")
@@ -82,7 +78,7 @@ class Counting:
 
         Raises
         ------
-        _ChangedError
+        ChangedError
             when something has changed in between that the fold rests on; nothing is stored then.
         """
         try:
@@ -138,7 +134,7 @@ class Counting:
             session.execute(waits.values(waits_for=known.pump.made_by))
             return
         if not claimed(session, known, made):
-            raise _ChangedError
+            raise ChangedError
         if not (self._database.is_sqlite and known.has("aircraft")):
             known_aircraft(session, row.operator, decoded.metadata.aircraft)
         if row.supersedes:
@@ -155,7 +151,7 @@ class Counting:
             counts.values(status=ANALYSED, waits_for=None).execution_options(synchronize_session=False)
         )
         if taken.rowcount != 1:
-            raise _ChangedError
+            raise ChangedError
         keep(session, known.pump, made, Cause("record_received", row.id))
 
 

@@ -13,7 +13,7 @@ from service.answers import verdicts as answers
 from service.errors import Problem
 from service.history.archive import Archive
 from service.history.codec import trend_to_json, verdict_to_json
-from service.history.dossier import Dossier, dossier, outside_numbers
+from service.history.dossier import ChangedError, Dossier, dossier, outside_numbers
 from service.history.knowledge import knowledge
 from service.history.verdicts import empty_verdict
 from service.identity import release_number, software
@@ -107,7 +107,10 @@ def attempted(
         known = dossier(session, pump.operator, pump.serial) if pump else None
         if known is None:
             return True
-        made = folded(session, known.pump, archive, known, given_up=given_up)
+        try:
+            made = folded(session, known.pump, archive, known, given_up=given_up)
+        except ChangedError:
+            return False
     with database.writing() as session:
         if not claimed(session, known, made, *outside_unchanged(known)):
             return False

@@ -279,3 +279,31 @@ def test_the_command_says_what_it_did(tmp_path: Path) -> None:
     assert [(line["event"], line["file"]) for line in lines] == [("passed over", "b.pdf"), ("delayed", None)]
     wrong = runner.invoke(app, [*words, "--set", "position"])
     assert wrong.exit_code == 2
+
+
+def test_watch_names_files_as_upload_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """``--set`` and ``--name-pattern`` are checked alike; a name that does not match is refused without being sent."""
+    folder, service = tmp_path / "in", MemoryService()
+    folder.mkdir()
+    (folder / "F7_day.csv").write_bytes(record("1"))
+    (folder / "odd.csv").write_bytes(record("2"))
+    sent: list[httpx2.Request] = []
+
+    def answer(request: httpx2.Request) -> httpx2.Response:
+        sent.append(request)
+        return service.transport.handle_request(request)
+
+    def client(*given: Any, **more: Any) -> Client:
+        return Client(*given, **{**more, "transport": httpx2.MockTransport(answer)})
+
+    monkeypatch.setattr("service.client.Client", client)
+    options = ["--once", "--interval", "0.1", "--name-pattern", "{flight_id}_day.csv", "--set", "position=RH"]
+    ran = CliRunner().invoke(app, ["watch", str(folder), *options])
+    assert ran.exit_code == 1, ran.output
+    assert len(sent) == 1
+    assert (sent[0].url.params["flight_id"], sent[0].url.params["position"]) == ("F7", "RH")
+    assert (folder / "refused" / "odd.csv").exists()
+    assert (folder / "done" / "F7_day.csv").exists()
+    wrong = CliRunner().invoke(app, ["watch", str(folder), "--once", "--set", "positon=RH"])
+    assert wrong.exit_code == 2
+    assert "positon=RH" in wrong.output
