@@ -22,6 +22,14 @@ def _name(module: str, fragment: str, replacement: str, select: str) -> Mutant:
     return Mutant("quality", module, fragment, replacement, _NAMES, select)
 
 
+def _doubt(module: str, fragment: str, replacement: str) -> Mutant:
+    return Mutant("quality", module, fragment, replacement, ("tests.service.test_doubts",), "not postgres")
+
+
+def _late(module: str, fragment: str, replacement: str) -> Mutant:
+    return Mutant("folds", f"service.monitoring.{module}", fragment, replacement, ("tests.service.test_late_records",))
+
+
 MUTANTS: tuple[Mutant, ...] = (
     _scale("most = running or off", "most = off or running"),
     _scale("_BEYOND = 1.25", "_BEYOND = 0.9"),
@@ -30,6 +38,12 @@ MUTANTS: tuple[Mutant, ...] = (
     _contradiction("here.hours < before.hours - tolerance", "here.hours < before.hours + tolerance"),
     _contradiction("return not _fewer(before, after, CLEARLY_HOURS)", "return True"),
     _contradiction("if said.flight_id == here.flight_id and same_place:", "if False:"),
+    _doubt("service.ingest.doubts", "if rise > -_FALL_BAR:", "if rise < _FALL_BAR:"),
+    _doubt("service.ingest.doubts", "or _is_a_period(step):", "or not _is_a_period(step):"),
+    _doubt("service.history.contradictions", "if fewer and agree else", "if agree else"),
+    _late("refold", "Pump.revision == pump.revision, ", ""),
+    _late("settling", "self.touch(pump_id)  # whoever", "continue  # whoever"),
+    _late("folded", "is_whole = end == len(links)", "is_whole = True"),
     _name("service.ingest.names", 'if name in (".", ".."):', 'if name == ".":', "refused_with_the_reason"),
     _name("service.web.whole_names", '.replace("/", _STAND_IN)', "", "end_of_another"),
 )

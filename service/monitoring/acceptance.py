@@ -185,7 +185,7 @@ class Acceptance:
                 raise
             with self._database.writing() as session:
                 stored = session.get(Record, row.id)
-                if stored is not None:
+                if stored is not None and stored.status == STORED:
                     session.delete(stored)
             raise
         return Accepted(row.id, known=False, waiting=not counts)
