@@ -19,7 +19,9 @@ class _File:
     """Blocks one after another; a link is the place of a block that was added before."""
 
     def __init__(self) -> None:
-        self.content = bytearray(struct.pack("<8s8s8sHH30sHH", b"MDF     ", b"4.10    ", b"loggers ", 0, 410, b"", 0, 0)[:64])
+        self.content = bytearray(
+            struct.pack("<8s8s8sHH30sHH", b"MDF     ", b"4.10    ", b"loggers ", 0, 410, b"", 0, 0)[:64]
+        )
 
     def block(self, kind: bytes, links: list[int], data: bytes) -> int:
         self.content += bytes(-len(self.content) % 8)
@@ -92,8 +94,9 @@ def test_a_cut_one_keeps_what_is_whole_or_says_why_not(cut: int) -> None:
     try:
         recording = decode(unsorted(made, cut), "application/x-mdf4", "", METADATA, LIMITS).recording
     except Problem as problem:
-        assert problem.errors or problem.detail
-        return
+        if problem.errors:
+            return
+        raise
     n = len(recording.time_s)
     assert 0 < n < len(made[0]["time_s"])
     assert np.array_equal(recording["case_pressure_bar"], made[0]["case_pressure_bar"][:n])
