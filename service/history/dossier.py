@@ -25,7 +25,7 @@ from service.storage.tables import (
     ThresholdVersion,
 )
 
-_NAMING = {
+_NAMING: Mapping[str, Any] = {
     "installations": Installation,
     "maintenance": MaintenanceEvent,
     "marks": RecordMark,

@@ -328,8 +328,8 @@ def setting_of(
     session: Session, operator: str, found: Dossier | None, aircraft: str, position: str, at: datetime
 ) -> Setting:
     """Surroundings of a record before it is stored; ``found`` is the dossier of its pump, None for an unknown one."""
-    has_intervals = found is not None and found.has("installations")
-    place = place_at(installation_intervals(session, found.pump.id) if has_intervals else [], aircraft, position, at)
+    known = installation_intervals(session, found.pump.id) if found and found.has("installations") else []
+    place = place_at(known, aircraft, position, at)
     said = found.registry.get(("aircraft", place.aircraft)) if found else None
     return setting_at(registry_values(session, operator, "aircraft", place.aircraft) if said is None else said, at)
 

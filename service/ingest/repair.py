@@ -21,8 +21,9 @@ _UNEVEN_IN_STEPS = 0.35
 whose stamps jitter by a fifth of a step by an eighth)."""
 _MOST_UNTIMED = 0.05
 """Share of rows whose time may be missing and is taken from their neighbours (estimate: far from guessing)."""
-_COARSE_SHARE = 0.5
-"""Share of repeated instants from which the clock is too coarse for its rows, and not the rows repeated."""
+_COARSE_SHARE = 0.45
+"""Share of repeated instants from which the clock is too coarse for its rows, and not the rows repeated: two to an instant are
+half of them."""
 
 
 def repaired(raw: RawRecord) -> RawRecord:

@@ -15,7 +15,7 @@ from service.history.archive import Archive
 from service.history.codec import trend_to_json, verdict_to_json
 from service.history.dossier import Dossier
 from service.history.knowledge import AnyRow, Incoming, Knowledge, knowledge
-from service.history.known import Known
+from service.history.known import Known, PlacedRecord
 from service.identity import software
 from service.monitoring import snapshots
 from service.monitoring.chain import chain
@@ -175,17 +175,17 @@ def keep(session: Session, pump: Pump, made: Folded, cause: Cause) -> None:
         follow(session, pump, found.thresholds.values, made.alarms)
 
 
-def _end(placed: Sequence[object], incoming: Incoming | None, same: int) -> int:
+def _end(placed: Sequence[PlacedRecord], incoming: Incoming | None, same: int) -> int:
     """Number of records up to which verdicts are made now: to the incoming one where too many follow it."""
     if incoming is None or len(placed) - same <= MOST_AT_ONCE:
         return len(placed)
-    ids = [p.outline.record_id for p in placed]  # type: ignore[attr-defined]
+    ids = [p.outline.record_id for p in placed]
     place = ids.index(incoming.record_id) + 1 if incoming.record_id in ids else len(ids)
     return len(placed) if len(placed) - place <= MOST_AT_ONCE else place
 
 
-def _ids(placed: Sequence[object], first: int, end: int) -> list[str]:
-    return [p.outline.record_id for p in placed[first:end]]  # type: ignore[attr-defined]
+def _ids(placed: Sequence[PlacedRecord], first: int, end: int) -> list[str]:
+    return [p.outline.record_id for p in placed[first:end]]
 
 
 def _made(

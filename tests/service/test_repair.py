@@ -99,16 +99,18 @@ def test_a_clock_that_was_set_back_goes_on(back: float) -> None:
     assert f"set back by {back:.4g} s after 59 s" in flags[0] or "set back" in flags[0]
 
 
-def test_a_clock_coarser_than_its_rows_is_spread() -> None:
-    fine = plain(10.0)
+@pytest.mark.parametrize("rate", [2.0, 10.0])
+def test_a_clock_coarser_than_its_rows_is_spread(rate: float) -> None:
+    fine = plain(rate)
     coarse = {**fine, "time_s": np.floor(fine["time_s"] + 1e-9)}
     found, flags = mended(coarse)
     assert found["time_s"] == pytest.approx(fine["time_s"], abs=1e-9)
     assert "coarser" in flags[0]
     # a record that begins within a second ends where the next one would have begun
-    late = {name: samples[7:] for name, samples in coarse.items()}
+    later = int(0.7 * rate)
+    late = {name: samples[later:] for name, samples in coarse.items()}
     found, _ = mended(late)
-    assert found["time_s"] == pytest.approx(fine["time_s"][7:], abs=1e-9)
+    assert found["time_s"] == pytest.approx(fine["time_s"][later:], abs=1e-9)
 
 
 def test_single_missing_times_are_taken_from_their_neighbours() -> None:
