@@ -128,7 +128,7 @@ def forecast(
         return NoForecast(f"flight hours are missing for {len(numbers) - len(dated)} of {len(numbers)} records")
     if len(dated) < FEWEST_ESTIMATES:
         return NoForecast(f"{len(dated)} records have an estimate; at least {FEWEST_ESTIMATES} are needed")
-    if max(e.flight_hours for e in dated) <= min(e.flight_hours for e in dated):
+    if len({e.flight_hours for e in dated}) == 1:
         return NoForecast("all records have the same flight hours")
     filters, weight, growing = _followed(dated, limit, typical_life_hours, 0.0)
     level = float(weight @ filters.level)
