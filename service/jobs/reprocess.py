@@ -52,6 +52,7 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
     """
 
     name = "reprocess"
+    most_parts = 64
     parameters = ReprocessParameters
     internal = frozenset({"up_to_pump"})
 
@@ -116,6 +117,7 @@ class Refold(Kind[RefoldParameters, list[int]]):
     """Fold anew what a change of thresholds or of a measured healthy curve touches, one item per pump."""
 
     name = "refold"
+    most_parts = 64
     over_api = False
     parameters = RefoldParameters
 

@@ -28,8 +28,6 @@ def _nothing_runs_beside(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.jobs.engine.stop", lambda: None)
     monkeypatch.setattr("service.notifications.guard._resolved", lambda *_: ["93.184.215.14"])
     monkeypatch.setattr("service.notifications.webhook_call.call", lambda *_: None)
-    monkeypatch.setattr("service.notifications.worker.Postman.start", lambda _: None)
-    monkeypatch.setattr("service.notifications.worker.Postman.stop", lambda _: None)
 
 
 @contextmanager
