@@ -37,6 +37,8 @@ API = "/api/v1"
 JSON = {"content-type": "application/json"}
 PUMPS = 3
 """Pumps of a round: one is sent in an archive, one without waiting, one with waiting."""
+ARCHIVE = 24
+"""Records of an archive: more than one part of a job, where workers share it."""
 _SETTLED_S = 0.25
 
 
@@ -209,7 +211,7 @@ class Round:
         """Send everything, to the servers in turn; the futures."""
         out = io.BytesIO()
         with zipfile.ZipFile(out, "w") as file:
-            for i in range(self.n):
+            for i in range(ARCHIVE):
                 file.writestr(f"{i:03d}.json", flight(self.pumps[0], i))
         found = [pool.submit(self._bulk, urls, out.getvalue())]
         for i in range(self.n):
@@ -258,9 +260,9 @@ class Round:
         job = _asked(url, f"/jobs/{self.job}")
         if job["status"] in ("queued", "running"):
             raise _NotYetError
-        for pump in self.pumps:
+        for pump, n in zip(self.pumps, (ARCHIVE, self.n, self.n), strict=True):
             rows = _asked(url, f"/records?pump={pump}&limit=500")["items"]
-            if len(rows) < self.n or any(row["status"] == "stored" for row in rows):
+            if len(rows) < n or any(row["status"] == "stored" for row in rows):
                 raise _NotYetError
 
     def faults(self, url: str, expected: list[Any] | None) -> list[str]:
@@ -268,12 +270,12 @@ class Round:
         job = _asked(url, f"/jobs/{self.job}")
         items = _asked(url, f"/jobs/{self.job}/items?limit=500")["items"]
         found = list(self.wrong)
-        if job["status"] != "succeeded" or [i["position"] for i in items] != list(range(self.n)):
+        if job["status"] != "succeeded" or [i["position"] for i in items] != list(range(ARCHIVE)):
             found.append(f"job {job['status']} with {len(items)} items: {job['problem']}")
         found += [f"item {i['name']} is {i['status']}" for i in items if i["status"] not in ("analysed", "known")]
         rows = [row for pump in self.pumps for row in _asked(url, f"/records?pump={pump}&limit=500")["items"]]
         states = Counter(row["status"] for row in rows)
-        if states != {"analysed": PUMPS * self.n}:
+        if states != {"analysed": ARCHIVE + 2 * self.n}:
             found.append(f"records are {dict(states)}")
         lost = self.acknowledged - {row["record_id"] for row in rows}
         if lost:
@@ -294,6 +296,8 @@ def verdicts(url: str, pumps: list[str]) -> list[Any]:
         now = _asked(url, f"/pumps/{pump}/verdict")
         trend = _asked(url, f"/pumps/{pump}/trend?metric=case_residual_bar&points=500")["items"]
         now.pop("software", None)
+        # rounds are alike on purpose: how many of their records others have too says when they came
+        now["quality"]["flags"] = [f for f in now["quality"]["flags"] if not f.startswith("another pump has a record")]
         found.append([now, [(i["at"], i["value"], i["low"], i["high"]) for i in trend]])
     return found
 

@@ -15,7 +15,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
 from benchmarks import keep
-from benchmarks.disturbed import Round, Server, StoppablePostgres, installation, undisturbed
+from benchmarks.disturbed import ARCHIVE, Round, Server, StoppablePostgres, installation, undisturbed
 
 N, AWAY_S, WITHIN_S = 8, 6.0, 60.0
 _LONG_S = 40.0
@@ -48,7 +48,7 @@ def outage(kind: str, rounds: int) -> dict[str, object]:
             print(kind, number, round(seconds[-1], 1), dict(load.answers), faults[-3:], flush=True)
     return {
         "rounds": rounds,
-        "records_of_a_round": 3 * N,
+        "records_of_a_round": ARCHIVE + 2 * N,
         "done_after_return_s": {"median": round(sorted(seconds)[len(seconds) // 2], 1), "most": round(max(seconds), 1)},
         "done_within_60_s": sum(s <= WITHIN_S for s in seconds),
         "answers": {str(status): n for status, n in sorted(answers.items())},

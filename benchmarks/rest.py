@@ -1,10 +1,11 @@
-"""What a server at rest asks of its database: lines of a log of every statement.
+"""What a server at rest asks of its database: entries of a log of every statement.
 
-``python -m benchmarks.rest`` writes ``benchmarks/results/rest.json``: lines a second that Postgres logs with
+``python -m benchmarks.rest`` writes ``benchmarks/results/rest.json``: entries a second that Postgres logs with
 ``log_statement=all`` over a minute, begun a minute after the start, and bytes that a server on SQLite reads and writes.
 """
 
 import time
+from collections import Counter
 from pathlib import Path
 
 from benchmarks import keep
@@ -24,9 +25,10 @@ def main() -> None:
         log = postgres.folder / "log"
         before = len(log.read_text().splitlines())
         time.sleep(SECONDS)
-        lines = log.read_text().splitlines()[before:]
-        found["postgres_log_lines_per_s"] = round(len(lines) / SECONDS, 2)
-        found["postgres_statements"] = sorted({line.partition("LOG:")[2].strip()[:160] for line in lines})
+        entries = Counter(line.partition("LOG:")[2].strip()[:60] for line in log.read_text().splitlines()[before:])
+        del entries[""]  # further lines of a statement
+        found["postgres_log_entries_per_s"] = round(sum(entries.values()) / SECONDS, 2)
+        found["postgres_log_entries"] = dict(entries.most_common())
     with installation("sqlite") as ((server,), _):
         time.sleep(BEFORE_S)
         first = _written(server.process.pid if server.process else 0)

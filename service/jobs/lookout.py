@@ -51,10 +51,12 @@ def look_out(engine: Engine) -> None:
     now = time.monotonic()
     memory = _Memory(datetime.now(UTC), now, now, "", {})
     while not engine.stopping.is_set():
+        times = memory.renewal_at, memory.hour
         try:
             _look(engine, memory)
             memory.is_away = False
         except Exception as error:
+            memory.renewal_at, memory.hour = times  # what was due is due still
             if not is_passing(error):
                 log.exception("looking for work failed")
             elif not memory.is_away:
@@ -74,7 +76,7 @@ def awake(engine: Engine) -> None:
         "system_database_url": engine.url,
         "application_version": VERSION,
         "executor_id": engine.name,
-        "log_level": "CRITICAL",
+        "log_level": "ERROR",
         "enable_otlp": False,
         "sys_db_pool_size": 5,
         "notification_listener_polling_interval_sec": 1.0,
@@ -207,7 +209,7 @@ def _take_up(engine: Engine, active: Collection[str]) -> None:
     with engine.context.database.reading() as session:
         jobs = store.unfinished(session, _MOST_JOBS)
     for job in jobs:
-        if job.id in active:
+        if job.id in active or _is_left_to_its_request(job):
             continue
         known = DBOS.list_workflows(workflow_id_prefix=f"{job.id}/", name="casedrain-job", load_output=False)
         last = max(known, key=lambda w: int(w.workflow_id.rpartition("/")[2]), default=None)
@@ -223,3 +225,9 @@ def _take_up(engine: Engine, active: Collection[str]) -> None:
             work.end_as_deadly(engine.context, job.id)
         else:
             work.begin_whole(job.id, generation, deaths, undone)
+
+
+def _is_left_to_its_request(job: Job) -> bool:
+    """True while the process that has stored a job may be working on it right after its answer."""
+    since = job.heartbeat_at or job.created_at
+    return bool(job.parameters.get(work.AT_ONCE)) and datetime.now(UTC) - since < upkeep.IN_HAND

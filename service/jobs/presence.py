@@ -114,7 +114,7 @@ class _InSession:
         connection, self._connection = self._connection, None
         if connection is not None:
             with suppress(Exception):
-                connection.invalidate()  # the lock and the settings are no request's
+                connection.detach()  # the lock and the settings are no request's
             with suppress(Exception):
                 connection.close()
 

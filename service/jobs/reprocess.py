@@ -110,6 +110,8 @@ class RefoldParameters(Parameters):
     operator: str | None = None
     version: int
     change: Change = "thresholds_changed"
+    at_once: bool = False
+    """Set by the service for a few pumps: the process that stores the job works on it right after its answer."""
 
 
 @register
@@ -119,6 +121,7 @@ class Refold(Kind[RefoldParameters, list[int]]):
     name = "refold"
     most_parts = 64
     over_api = False
+    internal = frozenset({"at_once"})
     parameters = RefoldParameters
 
     @contextmanager

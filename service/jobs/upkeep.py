@@ -100,9 +100,10 @@ def waiting(engine: Engine, since: datetime) -> list[str]:
     """Ids of stored records that nobody has in hand, oldest first, so many as are looked at in one go."""
     limit = max(since, datetime.now(UTC) - IN_HAND)
     query = select(Record.id, Record.received_at, Record.request).where(is_stored())
-    with engine.context.database.reading() as session:
-        rows = session.execute(query.order_by(Record.received_at, Record.id).limit(_LOOKED_AT)).all()
     now, put_off = time.monotonic(), engine.waiting_until
+    with engine.context.database.reading() as session:
+        oldest = query.order_by(Record.received_at, Record.id).limit(_LOOKED_AT + len(put_off))
+        rows = session.execute(oldest).all()
     return [
         row.id
         for row in rows
