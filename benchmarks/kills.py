@@ -8,28 +8,30 @@ three times in a round and started again at once.
 """
 
 import json
-import platform
 import random
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from statistics import median
 from typing import Any
 
-from benchmarks import RESULTS, keep
+from benchmarks import RESULTS
 from benchmarks.disturbed import Round, Server, StoppablePostgres, installation, undisturbed
 
 N, WITHIN_S = 8, 60.0
 
 
-def kills(kind: str, minutes: float, seed: int) -> dict[str, Any]:
-    """Rounds of load and kills on one kind of database, for so long."""
+def kills(
+    kind: str, minutes: float, seed: int, after_each: Callable[[dict[str, Any]], None] = lambda _: None
+) -> dict[str, Any]:
+    """Rounds of load and kills on one kind of database, for so long, at least one; what is found goes to ``after_each``."""
     found: dict[str, Any] = {"first_seed": seed, "rounds": 0, "kills": Counter(), "faults": [], "takeovers_s": []}
-    end = time.monotonic() + 60.0 * minutes
     with installation(kind, 2 if kind == "postgres" else 1) as (servers, postgres):
         expected = undisturbed(servers[0].url, N)
-        while time.monotonic() < end:
+        end = time.monotonic() + 60.0 * minutes
+        while found["rounds"] == 0 or time.monotonic() < end:
             number = seed + found["rounds"]
             load = Round(f"K{number}", N)
             rng = random.Random(number)  # noqa: S311 - a moment, no secret
@@ -53,6 +55,7 @@ def kills(kind: str, minutes: float, seed: int) -> dict[str, Any]:
             for server in servers:
                 server.await_ready()
             found["rounds"] += 1
+            after_each(found)
             print(kind, number, found["takeovers_s"][-1:], dict(load.answers), found["faults"][-3:], flush=True)
     return found
 
@@ -87,25 +90,30 @@ def _summed(runs: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "rounds": sum(run["rounds"] for run in runs),
         "kills": dict(sum((Counter(run["kills"]) for run in runs), Counter())),
-        "done_after_last_kill_s": {"median": seconds[len(seconds) // 2], "most": seconds[-1]},
+        "done_after_last_kill_s": {"median": median(seconds or [0.0]), "most": max(seconds, default=0.0)},
         "done_within_60_s": sum(s <= WITHIN_S for s in seconds),
         "faults": [fault for run in runs for fault in run["faults"]],
     }
 
 
 def main() -> None:
-    """Run, and add to what earlier runs have found."""
+    """Run, and add to what earlier runs have found; a run that is interrupted counts as far as it came."""
     minutes = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     file = RESULTS / "kills.json"
-    before: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
-    runs: dict[str, list[dict[str, Any]]] = before.get("runs", {"postgres": [], "sqlite": []})
-    shares: list[tuple[str, float]] = [("postgres", 0.75), ("sqlite", 0.25)]
-    study: Callable[[str, float, int], dict[str, Any]] = kills
-    for kind, share in shares:
-        runs[kind].append(study(kind, share * minutes, seed))
-    machine = platform.processor() or platform.machine()
-    keep("kills", {"machine": machine, **{kind: _summed(runs[kind]) for kind in runs}, "runs": runs})
+    runs: dict[str, list[dict[str, Any]]] = {"postgres": [], "sqlite": []}
+    if file.exists():
+        runs = json.loads(file.read_text())["runs"]
+    for kind, share in (("postgres", 0.75), ("sqlite", 0.25)):
+        before = list(runs[kind])
+
+        def save(found: dict[str, Any], kind: str = kind, before: list[dict[str, Any]] = before) -> None:
+            runs[kind] = [*before, found]
+            text = json.dumps({**{each: _summed(runs[each]) for each in runs if runs[each]}, "runs": runs}, indent=1)
+            file.write_text(text + "\n", encoding="utf-8")
+
+        kills(kind, share * minutes, seed, save)
+    print(file.read_text())
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ Nothing is written while all are well, no clock is compared, and nobody has to b
 """
 
 import fcntl
+import os
 import zlib
 from collections.abc import Collection
 from contextlib import suppress
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import IO, Any, Protocol
 from urllib.parse import quote
 
-from sqlalchemy import Connection, Executable, Row, text
+from sqlalchemy import Connection, Executable, text
 
 from service.storage.database import Database
 
@@ -31,7 +32,7 @@ class Presence(Protocol):
     grace_s: float
     """How long another's lock must be seen missing: after a restart of the database all are, until each looks again."""
 
-    def seen(self, statement: Executable) -> Row[Any]:
+    def seen(self, statement: Executable) -> tuple[Any, ...]:
         """Ask one question of one row, and hold the lock from then on; raises what the driver raises."""
 
     def living(self, names: Collection[str]) -> set[str]:
@@ -57,12 +58,11 @@ class _InFile:
         self._folder = Path(f"{database.engine.url.database}.workers")
         self._folder.mkdir(parents=True, exist_ok=True)
         self._path = self._folder / quote(name, safe="")
-        self._file: IO[bytes] = self._path.open("wb")
-        fcntl.flock(self._file, fcntl.LOCK_EX)
+        self._file = _locked_file(self._path)
 
-    def seen(self, statement: Executable) -> Row[Any]:
+    def seen(self, statement: Executable) -> tuple[Any, ...]:
         with self._database.reading() as session:
-            return session.execute(statement).one()
+            return tuple(session.execute(statement).one())
 
     def living(self, names: Collection[str]) -> set[str]:
         return {name for name in names if _is_locked(self._folder / quote(name, safe=""))}
@@ -83,7 +83,7 @@ class _InSession:
         self._number = _number(name)
         self._connection: Connection | None = None
 
-    def seen(self, statement: Executable) -> Row[Any]:
+    def seen(self, statement: Executable) -> tuple[Any, ...]:
         try:
             if self._connection is None:
                 engine = self._database.engine
@@ -92,7 +92,7 @@ class _InSession:
                     self._connection.exec_driver_sql(f"SET {setting}")
                 lock = text("SELECT pg_try_advisory_lock(:klass, :number)")
                 self._connection.execute(lock, {"klass": _CLASS, "number": self._number})
-            row = self._connection.execute(statement).one()
+            row = tuple(self._connection.execute(statement).one())
             self._connection.commit()
         except Exception:
             self.end()
@@ -117,6 +117,16 @@ class _InSession:
                 connection.detach()  # the lock and the settings are no request's
             with suppress(Exception):
                 connection.close()
+
+
+def _locked_file(path: Path) -> IO[bytes]:
+    """A new file with a lock; another that looks at it before the lock is there takes it for a dead one's, and it goes."""
+    while True:
+        file = path.open("wb")
+        fcntl.flock(file, fcntl.LOCK_EX)
+        if path.exists() and path.stat().st_ino == os.fstat(file.fileno()).st_ino:
+            return file
+        file.close()
 
 
 def _number(name: str) -> int:
