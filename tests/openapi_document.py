@@ -43,8 +43,6 @@ def recorded() -> dict[str, Any]:
         mock.patch("service.notifications.guard._resolved", return_value=["93.184.215.14"]),
         mock.patch("service.jobs.engine.start"),
         mock.patch("service.jobs.engine.stop"),
-        mock.patch("service.notifications.worker.Postman.start"),
-        mock.patch("service.notifications.worker.Postman.stop"),
         guarded_client(f"sqlite:///{folder}/examples.sqlite", Path(folder)) as client,
     ):
         admin = key(client, "admin", "north", owner="head of north")

@@ -31,6 +31,7 @@ class BulkImport(Kind[BulkImportParameters, Archive]):
     """One item per member: ``analysed``, ``known`` or ``refused`` with its problem; a bad one costs the others nothing."""
 
     name = "bulk-import"
+    most_parts = 8
     over_api = False
     parameters = BulkImportParameters
 

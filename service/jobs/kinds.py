@@ -49,7 +49,7 @@ class Item:
 
 
 class Kind(ABC, Generic[P, State]):
-    """A kind of job: a row of items, worked on in order.
+    """A kind of job: a row of items, worked on in order, by several workers where it comes in parts.
 
     An item may be worked on twice when a process dies between the work and the note of it, so that work must be
     harmless when repeated; its result is stored exactly once.
@@ -60,6 +60,8 @@ class Kind(ABC, Generic[P, State]):
     over_api: ClassVar[bool] = True
     """Whether ``POST /jobs`` starts it; some kinds have a call of their own."""
     parameters: type[P]
+    most_parts: ClassVar[int] = 1
+    """Parts at most that its items are shared out in between workers; each opens what the items need for itself."""
     internal: ClassVar[frozenset[str]] = frozenset()
     """Parameters that are not shown: they would tell one operator how much the others have."""
 

@@ -36,6 +36,7 @@ class Preview(Kind[PreviewParameters, list[int]]):
     """
 
     name = "preview"
+    most_parts = 64
     over_api = False
     parameters = PreviewParameters
 

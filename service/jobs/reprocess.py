@@ -52,6 +52,7 @@ class Reprocess(Kind[ReprocessParameters, list[int]]):
     """
 
     name = "reprocess"
+    most_parts = 64
     parameters = ReprocessParameters
     internal = frozenset({"up_to_pump"})
 
@@ -109,6 +110,8 @@ class RefoldParameters(Parameters):
     operator: str | None = None
     version: int
     change: Change = "thresholds_changed"
+    at_once: bool = False
+    """Set by the service for a few pumps: the process that stores the job works on it right after its answer."""
 
 
 @register
@@ -116,7 +119,9 @@ class Refold(Kind[RefoldParameters, list[int]]):
     """Fold anew what a change of thresholds or of a measured healthy curve touches, one item per pump."""
 
     name = "refold"
+    most_parts = 64
     over_api = False
+    internal = frozenset({"at_once"})
     parameters = RefoldParameters
 
     @contextmanager

@@ -2,24 +2,22 @@
 
 from typing import Any
 
-import structlog
 from pydantic import ValidationError
 
 from service.access import audit
 from service.access.security import Principal
 from service.context import Context
-from service.errors import Fault, Invalid, Unavailable
+from service.errors import Fault, Invalid
 from service.jobs import bulk_import, engine, evaluation, preview, report, reprocess, store
 from service.jobs.kinds import kind_named
 from service.storage.tables import Job
 
-log = structlog.get_logger("casedrain.jobs")
 KINDS = (bulk_import, evaluation, preview, report, reprocess)
 """Modules that register kinds of jobs; another kind is another module here."""
 
 
 def ask_for(context: Context, asker: Principal, kind_name: str, operator: str | None, values: dict[str, Any]) -> Job:
-    """Store a job and hand it to the queue; a job that waits to do just this is returned instead.
+    """Store a job, which whoever is at work takes up; a job that waits to do just this is returned instead.
 
     Parameters
     ----------
@@ -51,8 +49,5 @@ def ask_for(context: Context, asker: Principal, kind_name: str, operator: str | 
         shown = {k: v for k, v in complete.items() if k not in kind.internal and v is not None}
         details = {"kind": kind.name, "parameters": shown}
         audit.note(session, asker, "job.start", f"job/{job.id}", operator, details)
-    try:
-        engine.submit(job.id)
-    except Unavailable:
-        log.warning("job stored without a worker", job_id=job.id)
+    engine.submit(job.id)
     return job

@@ -2,7 +2,7 @@
 
 import uuid
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import Select, func, select, tuple_, update
@@ -15,8 +15,6 @@ from service.jobs.kinds import NAME_LENGTH, Item
 from service.storage.tables import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
 
 UNFINISHED = (QUEUED, RUNNING)
-ORPHANED_AFTER = timedelta(seconds=60)
-"""A running job notes its heartbeat far more often; one that has not for so long has lost its process."""
 MOST_SHOWN = 500
 
 
@@ -94,8 +92,8 @@ def items(job_id: str, after: int | None = None) -> Select[JobItem]:
     return query.order_by(JobItem.position)
 
 
-def ask_to_cancel(session: Session, job: Job) -> None:
-    """Cancel a queued job at once, a running one between two items.
+def ask_to_cancel(session: Session, job: Job, *, in_hand: bool) -> None:
+    """Cancel a job: at once, or between two items where a worker has one of it ``in_hand``.
 
     Raises
     ------
@@ -105,14 +103,18 @@ def ask_to_cancel(session: Session, job: Job) -> None:
     if job.status not in UNFINISHED:
         raise Conflict(f"job {job.id} has ended already: it is {job.status}")
     job.cancel_requested = True
-    if job.status == QUEUED:
+    if job.status == QUEUED or not in_hand:
         _end(job, CANCELLED)
 
 
 def begin(session: Session, job_id: str) -> bool:
-    """Note that a job runs now; False when it must not (it has ended or was cancelled while queued)."""
+    """Note that a job runs now; False when it must not: it has ended, or is cancelled now as somebody has asked."""
     job = session.get(Job, job_id, with_for_update=True)
     if job is None or job.status not in UNFINISHED:
+        return False
+    if job.cancel_requested:
+        job.result = {"counts": counts(session, job_id)}
+        _end(job, CANCELLED)
         return False
     now = datetime.now(UTC)
     job.status, job.heartbeat_at = RUNNING, now
@@ -126,6 +128,12 @@ def set_total(session: Session, job_id: str, total: int) -> set[int]:
     return set(session.scalars(select(JobItem.position).where(JobItem.job_id == job_id)))
 
 
+def done_of(session: Session, job_id: str, first: int, last: int) -> set[int]:
+    """Items from ``first`` up to before ``last`` that are done."""
+    query = select(JobItem.position).where(JobItem.job_id == job_id)
+    return set(session.scalars(query.where(JobItem.position >= first, JobItem.position < last)))
+
+
 def keep_item(session: Session, job_id: str, position: int, item: Item) -> bool:
     """Store an item's result and count it, once whoever works on it; False when the job shall go no further."""
     job = session.get(Job, job_id, with_for_update=True)
@@ -137,9 +145,7 @@ def keep_item(session: Session, job_id: str, position: int, item: Item) -> bool:
                 job_id=job_id, position=position, name=item.name[:NAME_LENGTH], status=item.status, detail=item.detail
             )
         )
-        session.flush()
-        query = select(func.count()).select_from(JobItem).where(JobItem.job_id == job_id)
-        job.done = int(session.scalar(query) or 0)
+        job.done += 1
     job.heartbeat_at = datetime.now(UTC)
     return not job.cancel_requested
 
@@ -166,26 +172,10 @@ def fail(session: Session, job_id: str, problem: Problem) -> None:
         _end(job, FAILED)
 
 
-def note_heartbeat(session: Session, job_ids: Sequence[str]) -> None:
-    """These jobs are being worked on, however long their present item takes."""
-    session.execute(update(Job).where(Job.id.in_(job_ids)).values(heartbeat_at=datetime.now(UTC)))
-
-
-def claimed_orphans(session: Session) -> list[str]:
-    """Ids of jobs whose process has not been heard of, and of those that were never handed to one.
-
-    They are the caller's from now on: of several workers that look at the same moment only one is given a job.
-    """
-    now = datetime.now(UTC)
-    limit = now - ORPHANED_AFTER
-    running = (Job.status == RUNNING) & (Job.heartbeat_at < limit)
-    unheard = Job.heartbeat_at.is_(None) | (Job.heartbeat_at < limit)
-    waiting = (Job.status == QUEUED) & (Job.created_at < limit) & unheard
-    query = select(Job).where(running | waiting).order_by(Job.created_at, Job.id)
-    found = list(session.scalars(query.with_for_update(skip_locked=True)))
-    for job in found:
-        job.heartbeat_at = now
-    return [job.id for job in found]
+def unfinished(session: Session, limit: int) -> list[Job]:
+    """Jobs that have not ended, the oldest first."""
+    query = select(Job).where(Job.status.in_(UNFINISHED)).order_by(Job.created_at, Job.id)
+    return list(session.scalars(query.limit(limit)))
 
 
 def _end(job: Job, status: str) -> None:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import structlog
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
@@ -15,7 +14,6 @@ from service.alarms.life_cycle import Point, Rules, lives, rules_of
 from service.answers import jobs as answers
 from service.answers.alarms import AlarmChanges
 from service.answers.jobs import VerdictDifference
-from service.errors import Problem
 from service.history.analysis import keep_analysis
 from service.history.archive import Archive
 from service.history.codec import verdict_to_json
@@ -34,7 +32,6 @@ Change = Literal["thresholds_changed", "reference_curve_changed"]
 """What may have changed for all pumps of a scope."""
 _MOST_CHANGES_SHOWN = 50
 """Changed pumps that a job names; the rest is counted (our choice: a page)."""
-log = structlog.get_logger("casedrain")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,20 +110,6 @@ def n_pumps(session: Session, scope: Scope) -> int:
 def cause_of(change: Change, scope: Scope) -> Cause:
     """Why the pumps of a scope are folded anew."""
     return Cause(change, f"{scope.kind}/{scope.id}")
-
-
-def refold_scope(database: Database, archive: Archive, scope: Scope, change: Change) -> None:
-    """Fold anew every pump of a scope, one transaction per pump.
-
-    A pump that cannot be folded now, e.g. because raw bytes are gone, keeps its verdicts and stops none of the others.
-    """
-    with database.reading() as session:
-        pump_ids = [pump.id for pump in session.scalars(pumps_of(scope))]
-    for pump_id in pump_ids:
-        try:
-            reprocessed(database, archive, pump_id, cause_of(change, scope))
-        except Problem as problem:
-            log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
 
 
 def reprocessed(

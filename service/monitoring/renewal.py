@@ -18,6 +18,7 @@ from service.monitoring.precedence import is_ours, made_with, newer_release, tak
 from service.monitoring.reanalysis import reprocessed
 from service.monitoring.refold import Cause
 from service.storage.database import Database
+from service.storage.failures import is_passing
 from service.storage.tables import ANALYSED, Pump, Record
 
 CHUNK = 25
@@ -80,11 +81,19 @@ class Renewal:
         self._failed: set[int] = set()
         self._started = False
 
-    def run(self, stopped: Event) -> int:
-        """Renew every pump that is due; gives the number of records that were reduced again."""
+    def due(self) -> list[int]:
+        """Pumps that are due, those of another build of this very release too until they have been seen once."""
         with self._database.reading() as session:
             due = [i for i in due_pumps(session, own_release=not self._started) if i not in self._failed]
-        self._started = True
+        self._started = self._started or not due
+        return due
+
+    def run(self, stopped: Event) -> int:
+        """Renew every pump that is due; gives the number of records that were reduced again.
+
+        Raises what the driver raises while the database is away: whoever calls comes again.
+        """
+        due = self.due()
         random.shuffle(due)  # replicas that start together share the work
         if not due:
             return 0
@@ -98,9 +107,13 @@ class Renewal:
             except Problem as problem:
                 self._failed.add(pump_id)
                 log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
-            except Exception:
+            except Exception as error:
+                if is_passing(error):
+                    raise
                 self._failed.add(pump_id)
                 log.exception("verdicts left as they were", pump_id=pump_id)
+        else:
+            self._started = True
         seconds = round(time.perf_counter() - began, 1)
         log.info("made again", pumps=len(due), records=records, seconds=seconds, unfinished=stopped.is_set())
         return records

@@ -18,7 +18,8 @@ from service.storage.tables import STORED, Record
 class Upload:
     """One upload as it came; ``overrides`` are metadata of the request, which win over those of the file.
 
-    ``mapping`` is the version of a channel mapping that the request names.
+    ``mapping`` is the version of a channel mapping that the request names, ``is_waited_for`` whether its answer comes
+    after the analysis.
     """
 
     file: SpooledFile
@@ -27,6 +28,7 @@ class Upload:
     overrides: Mapping[str, str]
     supersedes: str | None = None
     mapping: MappingVersion | None = None
+    is_waited_for: bool = True
 
 
 def new_row(upload: Upload, operator: str, request_hash: str) -> Record:
@@ -40,6 +42,7 @@ def new_row(upload: Upload, operator: str, request_hash: str) -> Record:
             "encoding": upload.content_encoding,
             "overrides": dict(upload.overrides),
             "mapping": upload.mapping.to_json() if upload.mapping else None,
+            "later": not upload.is_waited_for,
         },
         attributes={},
         content_hash=upload.file.digest,

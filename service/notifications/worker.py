@@ -1,7 +1,6 @@
-"""The postman: takes what is due, sends it, and tries again later what failed; any number of them may run."""
+"""The postman: takes what is due, sends it, and puts off what failed; any number of them may turn at once."""
 
 import random
-import threading
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -9,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import structlog
-from sqlalchemy import delete, exists, select
+from sqlalchemy import ColumnElement, and_, delete, exists, select
 
 from service.notifications import mail, webhook_call
 from service.notifications.outbox import DELIVERED, FAILED, PENDING
@@ -23,7 +22,6 @@ BACKOFF_S: tuple[float, ...] = (5, 300, 1800, 7200, 18000, 36000, 50400, 72000, 
 _LEASE = timedelta(seconds=120)
 _AT_ONCE = 20
 _KEPT = timedelta(days=30)
-_HOUSEKEEPING = timedelta(hours=1)
 log = structlog.get_logger("casedrain")
 
 
@@ -39,28 +37,15 @@ class _Parcel:
 
 
 class Postman:
-    """Delivers the messages of one database until it is told to stop.
+    """Delivers the messages of one database that are due.
 
     A delivery is claimed under a lock that other replicas skip, and for a while nobody else takes it. Whoever dies
     with it in hand leaves it to be sent again: at least once, told apart by its ``webhook-id``.
     """
 
-    def __init__(self, database: Database, settings: Settings, pause_s: float = 1.0) -> None:
+    def __init__(self, database: Database, settings: Settings) -> None:
         self._database = database
         self._settings = settings
-        self._pause_s = pause_s
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="postman", daemon=True)
-        self._cleaned_at = datetime.min.replace(tzinfo=UTC)
-
-    def start(self) -> None:
-        """Begin in a thread of its own."""
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Finish what is in hand, within its timeouts."""
-        self._stop.set()
-        self._thread.join(timeout=30.0)
 
     def turn(self) -> int:
         """Send everything that is due, once; the number of attempts made."""
@@ -71,30 +56,17 @@ class Postman:
                     self._settle(parcel, outcome)
         return len(parcels)
 
-    def _run(self) -> None:
-        while not self._stop.is_set():
-            try:
-                n = self.turn()
-                self._clean()
-            except Exception:
-                # the database may be away for a while; the messages wait in it
-                log.exception("notifications wait")
-                n = 0
-            if n == 0:
-                self._stop.wait(self._pause_s)
-
     def _claimed(self) -> list[_Parcel]:
         now = datetime.now(UTC)
-        due = (Delivery.status == PENDING) & (Delivery.due_at <= now)
         with self._database.reading() as session:
-            if not session.scalar(select(exists().where(due))):
+            if not session.scalar(select(exists().where(is_due(now)))):
                 return []
         with self._database.writing() as session:
             query = (
                 select(Delivery, Message, Webhook)
                 .join(Message, Message.id == Delivery.message_id)
                 .outerjoin(Webhook, Webhook.id == Delivery.webhook_id)
-                .where(due)
+                .where(is_due(now))
                 .order_by(Delivery.due_at, Delivery.id)
                 .limit(_AT_ONCE)
                 .with_for_update(skip_locked=True, of=Delivery)
@@ -143,19 +115,19 @@ class Postman:
                 if webhook is not None and webhook.ended_at is None:
                     webhook.ended_at, webhook.end_reason = now, "the receiver answered 410 Gone"
 
-    def _clean(self) -> None:
-        """Forget what nobody asks for any more: old deliveries, ended sessions, sign-ins that failed."""
-        now = datetime.now(UTC)
-        if now - self._cleaned_at < _HOUSEKEEPING:
-            return
-        self._cleaned_at = now
-        with self._database.writing() as session:
-            old = select(Message.id).where(Message.created_at < now - _KEPT)
-            session.execute(delete(Delivery).where(Delivery.message_id.in_(old), Delivery.status != PENDING))
-            session.execute(
-                delete(Message).where(
-                    Message.created_at < now - _KEPT, ~exists().where(Delivery.message_id == Message.id)
-                )
-            )
-            session.execute(delete(SignedIn).where(SignedIn.expires_at < now - _KEPT))
-            session.execute(delete(FailedSignIn).where(FailedSignIn.at < now - timedelta(days=1)))
+
+def is_due(now: datetime) -> ColumnElement[bool]:
+    """Condition that picks the deliveries that are to be made."""
+    return and_(Delivery.status == PENDING, Delivery.due_at <= now)
+
+
+def forget_old(database: Database, now: datetime) -> None:
+    """Forget what nobody asks for any more: old deliveries, ended sessions, sign-ins that failed."""
+    with database.writing() as session:
+        old = select(Message.id).where(Message.created_at < now - _KEPT)
+        session.execute(delete(Delivery).where(Delivery.message_id.in_(old), Delivery.status != PENDING))
+        session.execute(
+            delete(Message).where(Message.created_at < now - _KEPT, ~exists().where(Delivery.message_id == Message.id))
+        )
+        session.execute(delete(SignedIn).where(SignedIn.expires_at < now - _KEPT))
+        session.execute(delete(FailedSignIn).where(FailedSignIn.at < now - timedelta(days=1)))

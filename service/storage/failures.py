@@ -62,6 +62,18 @@ def passing_failures(what: str) -> Iterator[None]:
         log.warning(what, problem=problem.detail)
 
 
+def is_passing(error: BaseException) -> bool:
+    """True where database or disk are the cause, whatever was made of it: the same work may do in a while."""
+    current: BaseException | None = error
+    while current is not None:
+        if isinstance(current, StorageFull):
+            return True
+        if not isinstance(current, Problem) and isinstance(_of_one(current), Unavailable | StorageFull):
+            return True
+        current = current.__cause__ or (None if current.__suppress_context__ else current.__context__)
+    return False
+
+
 def is_full(error: BaseException) -> bool:
     """True where an error says that a disk has no room left."""
     return isinstance(problem_of(error), StorageFull)

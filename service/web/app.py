@@ -1,23 +1,14 @@
-"""The application: parts put together, errors turned into problems, work of the last run picked up."""
+"""The application: parts put together, errors turned into problems."""
 
-import threading
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from datetime import UTC, datetime
 
-import structlog
 from fastapi import APIRouter, Depends, FastAPI
 from starlette.concurrency import run_in_threadpool
 
 import detectors.warm_up
 from service import __version__
-from service.alarms.ledger import catch_up
-from service.context import Context
 from service.jobs import engine
-from service.monitoring.renewal import Renewal
-from service.notifications.worker import Postman
-from service.registry.deletion import finish_deletions
-from service.registry.operators import expire
 from service.running import opened
 from service.settings import Settings
 from service.web.addresses import API_PREFIX
@@ -58,10 +49,6 @@ from service.web.routes import (
 from service.web.routes import twin as twin_routes
 from service.web.whole_names import WholeNames, whole_names
 
-_DAY_S = 86_400.0
-_LOOK_S = 20.0
-log = structlog.get_logger("casedrain")
-
 
 def create_app(settings: Settings) -> FastAPI:
     """Make the application for one set of settings; nothing is opened before it starts."""
@@ -71,20 +58,9 @@ def create_app(settings: Settings) -> FastAPI:
         context = opened(settings)
         app.state.context = context
         detectors.warm_up.warm_up()
-        stopped = threading.Event()
-        worker = threading.Thread(target=_pick_up, args=(context, stopped), name="pick-up", daemon=True)
-        keeper = threading.Thread(target=_keep_house, args=(context, stopped), name="keep-house", daemon=True)
-        for thread in (worker, keeper):
-            thread.start()
-        postman = Postman(context.database, settings)
-        postman.start()
         await run_in_threadpool(engine.start, context)
         yield
         await run_in_threadpool(engine.stop)
-        stopped.set()
-        postman.stop()
-        for thread in (worker, keeper):
-            thread.join(timeout=5.0)
         context.close()
 
     app = FastAPI(
@@ -135,41 +111,3 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(WholeNames)
     app.add_middleware(Edge)
     return app
-
-
-def _pick_up(context: Context, stopped: threading.Event) -> None:
-    """Take up what others have left: records of a crash, alarms and verdicts of older releases; then look again."""
-    renewal = Renewal(context.database, context.archive)
-    _process(context, context.acceptance.pending())
-    try:
-        catch_up(context.database)
-    except Exception:
-        log.exception("alarms of older histories wait for the pumps' next records")
-    while True:
-        try:
-            renewal.run(stopped)
-            _process(context, context.acceptance.left())
-        except Exception:
-            log.exception("what other releases have left waits for the next look")
-        if stopped.wait(_LOOK_S):
-            return
-
-
-def _process(context: Context, record_ids: Sequence[str]) -> None:
-    for record_id in record_ids:
-        try:
-            context.acceptance.process(record_id)
-        except Exception:
-            log.exception("record left stored", record_id=record_id)
-
-
-def _keep_house(context: Context, stopped: threading.Event) -> None:
-    """End deletions that a crash interrupted, and let raw bytes expire once a day; any number of replicas may."""
-    while True:
-        try:
-            finish_deletions(context.database, context.raw_store)
-            expire(context.database, context.raw_store, datetime.now(UTC))
-        except Exception:
-            log.exception("deletions or expiry left for the next time")
-        if stopped.wait(_DAY_S):
-            return

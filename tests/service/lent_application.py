@@ -2,7 +2,8 @@
 
 Building the routes and starting the job engine cost ten times what most tests ask of them. The routes are the same for
 every test and are kept; everything that a test can change hangs on the context, which each test opens and closes. Jobs
-run on the test's own database, in an engine that starts with the first of them. What a start does besides (taking up
+run on the test's own database, in an engine that starts with the first of them; a record that nobody waits for is
+analysed right after its answer. What a start does besides (taking up
 what was left, delivering messages, expiry) is seen by the tests that start an application themselves.
 """
 
@@ -20,7 +21,7 @@ from fastapi.testclient import TestClient
 import detectors.warm_up
 from service.context import Context
 from service.ingest.parser_pool import ParserPool
-from service.jobs import engine
+from service.jobs import engine, state
 from service.running import opened
 from service.settings import Settings
 from service.web.app import create_app
@@ -81,19 +82,21 @@ def _workers_of_all(parser: ParserPool) -> Iterator[None]:
 @contextmanager
 def _jobs_on_demand(context: Context) -> Iterator[None]:
     started, starting = False, threading.Lock()
-    submit = engine.submit
 
-    def start_and_submit(job_id: str) -> None:
+    def start_and_submit(_job_id: str) -> None:
         nonlocal started
         with starting:
             # an engine on another database refuses, as it does where an application starts
-            if engine._engine is None or engine._engine.url != engine.system_url(context.database.url):
-                engine.start(context)
-                started = engine._engine is not None
-        submit(job_id)
+            if state.running is None or state.running.url != engine.system_url(context.database.url):
+                engine.start(context, upkeep=False)
+                started = True
+        engine.call()
+
+    def analyse(of: Context, record_id: str) -> None:
+        of.acceptance.process(record_id)
 
     try:
-        with mock.patch.object(engine, "submit", start_and_submit):
+        with mock.patch.object(engine, "submit", start_and_submit), mock.patch.object(engine, "acknowledged", analyse):
             yield
     finally:
         if started:

@@ -203,14 +203,13 @@ def test_jobs_of_other_operators_are_unseen(settings: Settings) -> None:
             assert foreign.status_code == 404
 
 
-def test_orphaned_jobs_are_taken_up(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_orphaned_jobs_are_taken_up(settings: Settings) -> None:
     """One that was stored and never queued, and one whose worker was taken away for good."""
     from datetime import UTC, datetime, timedelta
 
-    from service.jobs import engine, store
+    from service.jobs import store
     from service.running import opened
 
-    monkeypatch.setattr(engine, "_WATCH_INTERVAL_S", 0.2)
     context = opened(settings)
     long_ago = datetime.now(UTC) - timedelta(hours=1)
     with context.spool.of(archive({"a.json": flight(1)})) as file, context.database.writing() as session:
@@ -246,15 +245,13 @@ def test_thresholds_of_a_large_fleet_are_refolded_by_a_job(
 
 WORKER = """
 import sys, time
-from datetime import timedelta
 from pathlib import Path
 import structlog
 from service.running import opened
-from service.jobs import engine, requests, store
+from service.jobs import engine, requests
 from service.settings import Settings
 structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(50))
-engine._WATCH_INTERVAL_S, store.ORPHANED_AFTER = 0.5, timedelta(seconds=6)  # instead of 20 s and a minute
-context = opened(Settings(database_url=sys.argv[1], data_dir=Path(sys.argv[2]), worker_name=sys.argv[3]))
+context = opened(Settings(database_url=sys.argv[1], data_dir=Path(sys.argv[2])))
 engine.start(context)
 print("started", flush=True)
 time.sleep(600)
@@ -276,11 +273,9 @@ def stack() -> Iterator[ExitStack]:
         yield held
 
 
-def launch_worker(
-    settings: Settings, workers: list[subprocess.Popen[str]], name: str = "worker"
-) -> subprocess.Popen[str]:
+def launch_worker(settings: Settings, workers: list[subprocess.Popen[str]]) -> subprocess.Popen[str]:
     process = subprocess.Popen(
-        [sys.executable, "-c", WORKER, settings.effective_database_url, str(settings.data_dir), name],
+        [sys.executable, "-c", WORKER, settings.effective_database_url, str(settings.data_dir)],
         stdout=subprocess.PIPE,
         text=True,
         cwd=Path(__file__).resolve().parents[2],
@@ -323,7 +318,6 @@ def test_kill_9_in_the_middle_costs_nothing(settings: Settings, workers: list[su
             job = session.get_one(Job, job_id)
             return job.status, job.done
 
-    _enqueue(settings, job_id)
     for _ in range(1200):
         if progress()[1] >= 3:
             break
@@ -357,7 +351,7 @@ def test_several_workers_share_the_jobs_and_finish_those_of_one_that_is_killed(
     from service.storage.tables import Job
 
     n_jobs, n_flights = 4, 10
-    first, second = (launch_worker(settings, workers, name) for name in ("first", "second"))
+    first, second = (launch_worker(settings, workers) for _ in range(2))
     context = stack.enter_context(closing(opened(settings)))
     ids = []
     for j in range(n_jobs):
@@ -372,8 +366,6 @@ def test_several_workers_share_the_jobs_and_finish_those_of_one_that_is_killed(
             )
     for process in (first, second):
         wait_for(process)
-    for job_id in ids:
-        _enqueue(settings, job_id)
 
     def progress() -> dict[str, tuple[str, int]]:
         with context.database.reading() as session:
@@ -400,14 +392,3 @@ def test_several_workers_share_the_jobs_and_finish_those_of_one_that_is_killed(
     # the item in hand when the worker died may have been stored without its note
     assert statuses.count("analysed") >= len(statuses) - 1
     assert set(statuses) <= {"analysed", "known"}
-
-
-def _enqueue(settings: Settings, job_id: str) -> None:
-    """Hand the job over as a process without a worker does: through the queue in the database."""
-    from dbos import DBOSClient
-
-    from service.jobs.engine import QUEUE, system_url
-
-    client = DBOSClient(system_database_url=system_url(settings.effective_database_url))
-    client.enqueue({"queue_name": QUEUE, "workflow_name": "casedrain-job", "workflow_id": job_id}, job_id)
-    client.destroy()

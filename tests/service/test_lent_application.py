@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from service.jobs import engine
+from service.jobs import state
 from service.settings import Settings
 from service.storage.tables import Base, Job
 from tests.service.finished_job import finished
@@ -41,10 +41,10 @@ def test_two_at_once_are_two(new_settings: Callable[..., Settings]) -> None:
 def test_jobs_run_on_the_database_of_their_test(new_settings: Callable[..., Settings]) -> None:
     for _ in range(2):
         with lent(new_settings("sqlite")) as client:
-            assert engine._engine is None
+            assert state.running is None
             client.post(f"{API}/records", content=body(), headers=JSON)
             job = client.post(f"{API}/jobs", json={"kind": "reprocess", "parameters": {"dry_run": True}}).json()["id"]
             assert finished(client, job)["status"] == "succeeded"
             with client.app.state.context.database.reading() as session:  # type: ignore[attr-defined]
                 assert session.query(Job).count() == 1
-    assert engine._engine is None
+    assert state.running is None

@@ -16,7 +16,7 @@ from sqlalchemy import select, update
 
 from service.notifications import webhook_call
 from service.notifications.guard import Blocked, is_public, target_of
-from service.notifications.worker import BACKOFF_S, Postman
+from service.notifications.worker import BACKOFF_S, Postman, forget_old
 from service.settings import Settings
 from service.storage.tables import Delivery, Message, Webhook
 from service.web.app import create_app
@@ -294,7 +294,7 @@ class TestDelivery:
         database = guarded.app.state.context.database  # type: ignore[attr-defined]
         with database.writing() as session:
             session.execute(update(Message).values(created_at=datetime.now(UTC) - timedelta(days=31)))
-        postman(guarded)._clean()
+        forget_old(database, datetime.now(UTC))
         assert self.deliveries(guarded, admin, made) == []
         with database.reading() as session:
             assert session.scalars(select(Message)).all() == []

@@ -98,7 +98,7 @@ def test_every_form_needs_a_session_and_its_token(
     database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("service.notifications.guard._resolved", lambda *_: ["93.184.215.14"])
-    monkeypatch.setattr("service.jobs.engine.start", lambda _: None)
+    monkeypatch.setattr("service.jobs.engine.start", lambda *_, **__: None)
     with guarded_client(database_url, tmp_path) as client:
         names = seeded(client, "north", "NORTH-1")
         urls = [filled(MATRIX[route].url, names) for route in FORMS]

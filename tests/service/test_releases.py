@@ -38,7 +38,7 @@ NEWER = "9.0.0"
 
 @pytest.fixture(autouse=True)
 def _only_when_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.web.app._LOOK_S", 3600.0)
+    monkeypatch.setattr("service.jobs.lookout.RENEWAL_S", 3600.0)
 
 
 def send(client: TestClient, record: DemoRecord, status: int = 201) -> dict[str, Any]:

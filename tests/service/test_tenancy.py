@@ -24,12 +24,10 @@ NO_CHANGE = ("/twin/", "/thresholds/preview", "/mappings/preview", "/mappings/su
 @pytest.fixture(autouse=True)
 def _nothing_runs_beside(monkeypatch: pytest.MonkeyPatch) -> None:
     """No message leaves, and jobs wait: what a request does is what can be seen right after it."""
-    monkeypatch.setattr("service.jobs.engine.start", lambda _: None)
+    monkeypatch.setattr("service.jobs.engine.start", lambda *_, **__: None)
     monkeypatch.setattr("service.jobs.engine.stop", lambda: None)
     monkeypatch.setattr("service.notifications.guard._resolved", lambda *_: ["93.184.215.14"])
     monkeypatch.setattr("service.notifications.webhook_call.call", lambda *_: None)
-    monkeypatch.setattr("service.notifications.worker.Postman.start", lambda _: None)
-    monkeypatch.setattr("service.notifications.worker.Postman.stop", lambda _: None)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ CANCELLED = "cancelled"
 
 
 class Job(Base):
-    """A job; ``operator`` None is work over all operators. ``heartbeat_at`` tells a running job from an orphan."""
+    """A job; ``operator`` None is work over all operators. ``heartbeat_at`` is when it was last got on with."""
 
     __tablename__ = "jobs"
     __table_args__ = (Index("ix_jobs_status", "status"), Index("ix_jobs_created_at_id", "created_at", "id"))

@@ -12,7 +12,7 @@ from service.answers.job_documents import JOB_DOCUMENTS
 from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Fault, Invalid
-from service.jobs import store
+from service.jobs import engine, store
 from service.jobs.kinds import kind_named
 from service.jobs.products import CONTENT_TYPES, digest_of
 from service.jobs.requests import ask_for
@@ -132,11 +132,14 @@ def result(
 
 @router.post("/{job_id}/cancel", summary="Cancel a job")
 def cancel(job_id: str, context: ContextOf, asker: Asker) -> answers.Job:
-    """Stop a job between two items; what it did so far stays."""
+    """Stop a job between two items, at once where no worker has it in hand; what it did so far stays."""
+    with context.database.reading() as session:
+        store.job_of(session, asker, job_id)
+    in_hand = engine.is_in_hand(job_id)
     with context.database.writing() as session:
         job = store.job_of(session, asker, job_id)
         asker.require(kind_named(job.kind).role)
-        store.ask_to_cancel(session, job)
+        store.ask_to_cancel(session, job, in_hand=in_hand)
         audit.note(session, asker, "job.cancel", f"job/{job.id}", job.operator, {"kind": job.kind})
     return shown(job)
 

@@ -17,6 +17,7 @@ from service.ingest.file_names import named_by
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.mappings import mapping_version
 from service.ingest.metadata import KNOWN
+from service.jobs import engine
 from service.monitoring.acceptance import Upload
 from service.monitoring.withdrawal import withdraw_record
 from service.reading import queries
@@ -80,6 +81,7 @@ async def upload(
             overrides=overrides,
             supersedes=supersedes,
             mapping=named,
+            is_waited_for=wait,
         )
         take = context.acceptance.accept if wait else context.acceptance.store
         accepted = await run_in_threadpool(take, new, asker)
@@ -87,7 +89,7 @@ async def upload(
     response.status_code = 200 if accepted.known else (201 if wait and not accepted.waiting else 202)
     response.headers["Location"] = location("records", accepted.record_id)
     if not wait and answer["status"] == "stored":
-        background.add_task(context.acceptance.process, accepted.record_id)
+        background.add_task(engine.acknowledged, context, accepted.record_id)
     return answer
 
 
