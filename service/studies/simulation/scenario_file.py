@@ -21,7 +21,6 @@ METADATA_KEYS = tuple(name for name in KNOWN if name not in ("pump_type", "press
 """Keys of ``[metadata]``; the others follow from the simulation."""
 _KEYS = (
     "title",
-    "form",
     "duration_s",
     "sample_rate_hz",
     "step_s",
@@ -33,6 +32,7 @@ _KEYS = (
     "health",
     "changes",
     "metadata",
+    "form",
 )
 _TRANSIENT_ONLY = ("step_s", "adaptive", "mechanism")
 _INSTANTS = ("time_s", "flight_hours")
