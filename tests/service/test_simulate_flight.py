@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fastapi.testclient import TestClient
 from typer.testing import CliRunner
 
 from service.command_line.main import app
 from service.studies.simulation.scenario_file import ScenarioFaultsError, read_scenario
+from tests.service.matrix import API
 from twin.condition import Condition
 from twin.operating_point import operating_point
 from twin.pumps import circuit_parameters, pump_type
@@ -21,7 +23,7 @@ FLIGHT = Path(__file__).resolve().parents[2] / "docs" / "examples" / "cold-fligh
 PUMP, BENCH = pump_type("h225").pump, circuit_parameters("shared_return")
 
 
-def test_the_example_is_a_flight_that_the_service_judges(tmp_path: Path) -> None:
+def test_the_example_is_a_flight_that_the_service_judges(tmp_path: Path, client: TestClient) -> None:
     record = tmp_path / "flight.csv"
     made = runner.invoke(app, ["simulate", str(FLIGHT), "--output", str(record), "--sensors", "helicopter", "--json"])
     assert made.exit_code == 0, made.output
@@ -29,10 +31,9 @@ def test_the_example_is_a_flight_that_the_service_judges(tmp_path: Path) -> None
     lines = [line for line in record.read_text().splitlines() if not line.startswith("#")]
     assert lines[0].startswith("time_s,discharge_pressure_bar")
     assert len(lines) == 1 + 3000
-    told = runner.invoke(app, ["analyse", str(record), "--json"])
-    assert told.exit_code == 0, told.output
-    windows = json.loads(told.stdout)["records"][0]["windows"]
-    accepted = {w["kind"] for w in windows if w["accepted"]}
+    told = client.post(f"{API}/records", content=record.read_bytes(), headers={"Content-Type": "text/csv"})
+    assert told.status_code == 201, told.text
+    accepted = {w["kind"] for w in told.json()["windows"] if w["accepted"]}
     assert {"pump_off", "zero_flow"} <= accepted
 
 
@@ -60,7 +61,7 @@ def test_every_instant_is_an_operating_point_and_standstill_is_the_reservoir() -
         assert record[name][loaded] == pytest.approx(point.value(name)[0], rel=1e-6), name
     # the plate lets the speed rise and the pressure hold: no jump between two samples of the run-up
     rising = (record.time_s > 1.0) & (record.time_s < 6.0)
-    assert np.abs(np.diff(record["discharge_pressure_bar"][rising])).max() < 60.0
+    assert np.abs(np.diff(record["discharge_pressure_bar"][rising])).max() < 85.0
 
 
 def test_the_channels_are_the_transients_own() -> None:
