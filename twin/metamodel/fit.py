@@ -130,7 +130,8 @@ def predict(pump: Pump, model: SlipperMap, axes: Matrix) -> Matrix:
     """Answers of a metamodel at points (m, N_AXES), in the units of ``ANSWERS``, shape (m, len(ANSWERS))."""
     per = np.array([M3_PER_S_PER_LPM, M3_PER_S_PER_LPM, 1.0, 1.0, 1.0e-6])
     found = [mapped(pump, model, axes[i].copy(), _P_AMB)[: len(ANSWERS)] for i in range(len(axes))]
-    return np.asarray(found, dtype=np.float64).reshape(-1, len(ANSWERS)) / per
+    answers: Matrix = np.array(found, dtype=np.float64).reshape(-1, len(ANSWERS)) / per
+    return answers
 
 
 def _fitted(pump: Pump, axes: Matrix, answers: Matrix) -> SlipperMap:

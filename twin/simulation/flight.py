@@ -16,8 +16,9 @@ from twin.operating_point import operating_points, problem
 from twin.parameters import Circuit, Pump
 from twin.parts.geometry import geometry_faults
 from twin.recording import TIME, Recording
+from twin.simulation.loop import CAVITATED, RUNNING
 from twin.simulation.output import MEANS
-from twin.simulation.run import CAVITATED, RUNNING, Run, Status
+from twin.simulation.run import Run, Status
 from twin.simulation.scenario import Scenario
 from twin.simulation.scene import PLATE_FRICTION, SPOOL_JAMMING
 from twin.simulation.start import steady_inputs

@@ -86,8 +86,8 @@ def recording_of(pump: Pump, title: str, times: Vector, table: Matrix, at: Vecto
     channels["shaft_torque_nm"] = samples[:, N_SHARED + TORQUE].copy()
     warmth = np.empty(len(at))
     kelvin = channels["fluid_temperature_degc"] + KELVIN_AT_0_DEGC
-    columns = (samples[:, OMEGA], samples[:, P_D] - samples[:, P_C], samples[:, N_SHARED + Q_DRAIN])
-    _case_temperatures(pump, kelvin, *(np.ascontiguousarray(c) for c in columns), warmth)
+    omega, over = np.ascontiguousarray(samples[:, OMEGA]), samples[:, P_D] - samples[:, P_C]
+    _case_temperatures(pump, kelvin, omega, over, np.ascontiguousarray(samples[:, N_SHARED + Q_DRAIN]), warmth)
     channels["case_temperature_degc"] = warmth - KELVIN_AT_0_DEGC
     return Recording(channels, {"scenario": title} if title else {})
 
