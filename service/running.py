@@ -6,6 +6,7 @@ from service.history.archive import Archive
 from service.ingest.parser_pool import ParserLimits, ParserPool
 from service.ingest.raw import Limits
 from service.monitoring.acceptance import Acceptance
+from service.pump_types.slipper_maps import take_all
 from service.settings import Settings
 from service.storage.audit_anchor import begin
 from service.storage.audit_key import AuditKey
@@ -29,6 +30,10 @@ def opened(settings: Settings) -> Context:
         settings.data_dir.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RuntimeError(f"CASEDRAIN_DATA_DIR: {settings.data_dir} cannot be made: {error.strerror}") from None
+    try:
+        take_all(settings.data_dir)
+    except ValueError as error:
+        raise RuntimeError(f"CASEDRAIN_DATA_DIR: {error}") from None
     audit_key = AuditKey(settings.audit_key.get_secret_value(), settings.data_dir.resolve())
     database = Database(settings.effective_database_url, audit_key)
     behind = pending_migration(database)

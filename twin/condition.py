@@ -54,7 +54,7 @@ INPUTS: tuple[str, ...] = CONDITION_INPUTS + HEALTH_INPUTS
 
 RANGES: dict[str, tuple[float, float]] = {
     "speed_rpm": (200.0, 8000.0),
-    "fluid_temperature_degc": (-20.0, 140.0),
+    "fluid_temperature_degc": (-45.0, 140.0),
     "discharge_flow_lpm": (0.0, 100.0),
     "ambient_pressure_bar": (0.01, 1.5),
     "pump_leakage_scale": (0.01, 100.0),

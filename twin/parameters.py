@@ -170,12 +170,19 @@ class Volumes(NamedTuple):
 class Drive(NamedTuple):
     """What turns the shaft, and its losses beside the hydraulic work.
 
+    ``torque_viscous_ref`` is the viscous drag at 50 degC and 4600 rpm; its films pass their heat on by
+    ``film_conductance`` [W/K]. ``heat_share`` of all friction warms the case, which passes it on to its flow and by
+    ``case_conductance`` [W/K] to the housing.
+
     With ``J`` 0 the speed is what is asked for; else the motor gives ``stiffness`` [N m s] of torque per missing
     speed on top of what the first instant asked for (figure 3-16).
     """
 
     torque_viscous_ref: float
     torque_pressure: float
+    film_conductance: float
+    heat_share: float
+    case_conductance: float
     J: float
     stiffness: float
 

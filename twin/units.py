@@ -48,6 +48,7 @@ SI_PER_UNIT: dict[str, float] = {
     "rad/s": 1.0,
     "1/K": 1.0,
     "J/(kg K)": 1.0,
+    "W/K": 1.0,
     "bar/(L/min)": PA_PER_BAR / M3_PER_S_PER_LPM,
     "bar/(L/min)^2": PA_PER_BAR / M3_PER_S_PER_LPM**2,
     "L/min": M3_PER_S_PER_LPM,

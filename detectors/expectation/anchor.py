@@ -14,8 +14,10 @@ from twin.compiled import compiled
 from twin.condition import INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
 from twin.laws.fluid import kinematic_viscosity
 from twin.operating_point.equations import drain_viscosity_ratio
+from twin.operating_point.points import slipper_model
 from twin.operating_point.solver import solve_batch
 from twin.parameters import Circuit, Pump, PumpType
+from twin.parts.slipper_map import SlipperMap
 from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR
 
 Array = NDArray[np.float64]
@@ -146,9 +148,9 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     put("drain_weight_viscosity", circuit.w_nu)
     put("drain_weight_flow", circuit.w_Q)
     put("drain_flow", circuit.Q_ref / M3_PER_S_PER_LPM)
-    fluid = pump.pump.fluid
+    fluid, drive = pump.pump.fluid, pump.pump.drive
     case = points.value("case_temperature_degc") + KELVIN_AT_0_DEGC
-    put("viscosity_ratio", np.array([drain_viscosity_ratio(fluid, T) for T in case]))
+    put("viscosity_ratio", np.array([drain_viscosity_ratio(drive, fluid, circuit.Q_ref, T) for T in case]))
     warmer = kelvin - circuit.T_ref
     per_gamma = M3_PER_S_PER_LPM**circuit.gamma
     put("return_coefficient", circuit.k_inf * (1.0 + circuit.k_inf_slope * warmer) * by_flow * per_gamma)
@@ -174,13 +176,14 @@ def _solved_apart(pump: Pump, inputs: Array, circuit: Circuit) -> OperatingPoint
     n = len(inputs)
     values, slopes = np.empty((n, len(OUTPUTS))), np.full((n, len(OUTPUTS), len(INPUTS)), np.nan)
     status = np.zeros(n, dtype=np.int64)
-    _solve_each(pump, circuit, inputs, np.zeros(n), values, _NEEDED, slopes, status)
+    _solve_each(pump, slipper_model(pump), circuit, inputs, np.zeros(n), values, _NEEDED, slopes, status)
     return OperatingPoints(inputs, values, slopes, status)
 
 
 @compiled
 def _solve_each(
     pump: Pump,
+    model: SlipperMap,
     circuit: Circuit,
     rows: Array,
     k_d: Array,
@@ -191,4 +194,4 @@ def _solve_each(
 ) -> None:
     for i in range(len(rows)):
         row = slice(i, i + 1)
-        solve_batch(pump, circuit, rows[row], k_d[row], values[row], by, slopes[row], status[row])
+        solve_batch(pump, model, circuit, rows[row], k_d[row], values[row], by, slopes[row], status[row])

@@ -52,7 +52,8 @@ class OperatingPoint(TypedDict, total=False):
     """Derivative of each output by each input, in the unit of the output per unit of the input."""
     outside: list[str]
     """Quantities beyond what the pump type was held against; missing where there are none. `suction_pressure_bar`: the
-    chambers cannot fill; `slipper.variable`: the set's gap follows from forces that only the transient knows."""
+    chambers cannot fill; `slipper.variable`: the set's gap follows from forces, and no metamodel was fitted to
+    its numbers; `slipper.metamodel`: the metamodel is asked beyond the runs that it was fitted to."""
 
 
 @shape

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
+from service.pump_types.slipper_maps import beside, take
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
 from twin.pumps.circuit_sets import CIRCUIT_SETS, CircuitSet, circuit_set_from
@@ -15,7 +16,7 @@ Read = TypeVar("Read")
 
 
 def named_or_written(text: str) -> PumpType:
-    """Pump type of a built-in name, or of a TOML or JSON file.
+    """Pump type of a built-in name, or of a TOML or JSON file; its metamodel beside it becomes known.
 
     Raises
     ------
@@ -24,7 +25,9 @@ def named_or_written(text: str) -> PumpType:
     """
     if text in PUMP_TYPES:
         return PUMP_TYPES[text]
-    return _from_file(text, PUMP_TYPES, pump_type_from)
+    kind = _from_file(text, PUMP_TYPES, pump_type_from)
+    take(beside(Path(text)))
+    return kind
 
 
 def circuit_named_or_written(text: str) -> CircuitSet:

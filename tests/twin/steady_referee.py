@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin.condition import Condition, Health
-from twin.parameters import Circuit, Pump
+from twin.parameters import Circuit, Drive, Pump
 
 P_ATM = 101_325.0
 LPM, BAR, RPM = 1.0 / 60_000.0, 1.0e5, math.pi / 30.0
@@ -73,6 +73,32 @@ class Fluid:
 
     def heating(self, T: float, dP: float) -> float:
         return dP / (self.ambient_density(T) * self.f.c_p)
+
+    def warmed(self, drive: Drive, T: float, friction: float, Q_c: float) -> float:
+        """What the shaft's friction [W] adds to the case's temperature [K]: to its flow, and to the housing."""
+        flow = self.ambient_density(T) * self.f.c_p * max(Q_c, 0.0)
+        return drive.heat_share * friction / (flow + drive.case_conductance)
+
+    def drag(self, pump: Pump, omega: float) -> float:
+        """Viscous torque [N m] of films that their own friction warms; the warming by bisection."""
+        drive, full = pump.drive, 4600.0 * RPM
+
+        def torque(warming: float) -> float:
+            bench = self.viscosity(323.15 + drive.torque_viscous_ref * full / drive.film_conductance)
+            return drive.torque_viscous_ref * omega / full * self.viscosity(self.T + warming) / bench
+
+        low, high = 0.0, torque(0.0) * omega / drive.film_conductance
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            if middle < torque(middle) * omega / drive.film_conductance:
+                low = middle
+            else:
+                high = middle
+        return torque(low)
+
+    def viscosity(self, T: float) -> float:
+        """Dynamic, at ambient pressure [Pa s]."""
+        return self.ambient_density(T) * self.kinematic(T)
 
 
 def mean_over(turn: Callable[[float], float], start: float, end: float, n: int = 40) -> float:
@@ -192,7 +218,9 @@ def drops(
     back = k_inf * K * Q * (ratio / math.tanh(ratio) if ratio > 1.0e-6 else 1.0)
     w_nu = circuit.w_nu + health.drain_viscosity_weight_change
     w_Q = circuit.w_Q + health.drain_flow_weight_change
-    bench = 323.15 + fluid.heating(323.15, P_COUNTED)
+    drive = pump.drive
+    full = (drive.torque_viscous_ref + drive.torque_pressure * P_COUNTED) * 4600.0 * RPM
+    bench = 323.15 + fluid.heating(323.15, P_COUNTED) + fluid.warmed(drive, 323.15, full, circuit.Q_ref)
     share = w_nu * fluid.kinematic(heated) / fluid.kinematic(bench) + w_Q * abs(Q_c) / circuit.Q_ref + 1.0 - w_nu - w_Q
     k_c = circuit.k_c * (1.0 + circuit.k_c_slope * warmer) * health.drain_resistance_scale
     return back, k_c * Q_c * share
@@ -260,7 +288,8 @@ def steady(
     from_s = pistons[1] + slippers[1] + dragged + late + gaps[1]
     Q_c = from_d + from_s + outflow
     Q_sys = health.system_leakage_lpm * LPM / math.sqrt(P_COUNTED) * secant(P_d - P_s)
-    heated = fluid.T + fluid.heating(fluid.T, P_d - P_c)
+    drag = fluid.drag(pump, omega) + pump.drive.torque_pressure * (P_d - P_c)
+    heated = fluid.T + fluid.heating(fluid.T, P_d - P_c) + fluid.warmed(pump.drive, fluid.T, drag * omega, Q_c)
     shared = circuit.shared > 0.5
     back, drop = drops(circuit, pump, fluid, health, (Q_L + Q_sys + (Q_c if shared else 0.0), Q_c), heated)
     P_i = P_s + back
@@ -268,16 +297,15 @@ def steady(
     softened = comp.F_preload * (1.0 - comp.spring_softening * (fluid.T - 323.15))
     spring = softened + health.pressure_setting_change_bar * BAR * comp.A_spool
     spring += comp.k_spool * (comp.x_zero + health.droop_scale * (x - comp.x_zero))
+    stopped = comp.k_stop * (max(comp.x_low - x, 0.0) - max(x - comp.x_high, 0.0))
     demand = P_d - P_i - k_d * Q_L * abs(Q_L) if k_d > 0.0 else Q_L - condition.discharge_flow_lpm * LPM
     residuals = {
         "delivery": Q_pump - from_d - inflow - Q_L - Q_sys,
         "drain": P_c - (P_i if shared else P_s) - drop,
-        "balance": (P_d - P_c) * comp.A_spool - spring - valve.jet(x, P_d - P_x),
+        "balance": (P_d - P_c) * comp.A_spool - spring - valve.jet(x, P_d - P_x) + stopped,
         "control": inflow - outflow,
         "demand": demand,
     }
-    at_50 = Fluid(pump, 323.15)
-    viscous = pump.drive.torque_viscous_ref * fluid.mu / at_50.mu * omega / (4600.0 * RPM)
     outputs = {
         "discharge_pressure_bar": (P_d - P_amb) / BAR,
         "case_pressure_bar": (P_c - P_amb) / BAR,
@@ -286,7 +314,7 @@ def steady(
         "swashplate_angle_deg": math.degrees(alpha),
         "discharge_flow_lpm": Q_L / LPM,
         "case_flow_lpm": Q_c / LPM,
-        "shaft_torque_nm": Q_pump * (P_d - P_s) / omega + viscous + pump.drive.torque_pressure * (P_d - P_c),
+        "shaft_torque_nm": Q_pump * (P_d - P_s) / omega + drag,
         "piston_leakage_lpm": sum(pistons) / LPM,
         "slipper_leakage_lpm": (sum(slippers) + throttled) / LPM,
         "port_plate_leakage_lpm": sum(gaps) / LPM,

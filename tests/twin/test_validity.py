@@ -77,8 +77,14 @@ def test_full_tilt_needs_more_pressure_than_none() -> None:
 
 
 def test_a_gap_that_the_operating_point_does_not_know_is_said() -> None:
-    """The operating point takes the constant gap of a set whose gaps follow from forces."""
-    assert beyond(Condition(4600, 50, 0.0, 20.0), "h225_thesis") == {"slipper.variable"}
+    """It takes the constant gap of a set whose gaps follow from forces and that no metamodel was fitted to."""
+    thesis, condition = pump_type("h225_thesis"), Condition(4600, 50, 0.0, 20.0)
+    other = replace(thesis, pump=thesis.pump._replace(slipper=thesis.pump.slipper._replace(balance=1.03)))
+    points = operating_point(other.pump, condition, BENCH)
+    assert outside(other, points) == (("slipper.variable",),)
+    constant = thesis.pump._replace(slipper=other.pump.slipper._replace(variable=0.0))
+    assert points.value("case_flow_lpm") == operating_point(constant, condition, BENCH).value("case_flow_lpm")
+    assert beyond(condition, "h225_thesis") == set()
 
 
 def test_no_absolute_pressure_below_zero_is_ever_solved() -> None:

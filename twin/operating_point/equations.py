@@ -27,22 +27,43 @@ from twin.laws.fluid import (
     Film,
     Fluid,
     density,
-    dynamic_viscosity,
     film_of,
     film_viscosity,
     kinematic_viscosity,
-    throttling_heating,
 )
 from twin.laws.gap import annular_gap_flow, land_conductance, port_plate_gap_flow, throttled_land_flow
 from twin.laws.lines import drain_pressure_drop, return_pressure_drop
 from twin.laws.metering_edge import Edge
 from twin.operating_point.commutation import Change, Commutations, Support, commutations
-from twin.parameters import Circuit, Pump, Slipper
+from twin.parameters import Circuit, Drive, Pump, Slipper
 from twin.parts.circuit import P_COUNTED, counted_conductance
-from twin.parts.compensator import bleed_conductance, edge_of, inlet, jet_stiffness, outlet, seal_conductance
-from twin.parts.drive import friction_torque
+from twin.parts.compensator import (
+    bleed_conductance,
+    edge_of,
+    inlet,
+    jet_stiffness,
+    outlet,
+    seal_conductance,
+    spool_stop,
+)
+from twin.parts.drive import OMEGA_REF, case_temperature, friction_torque, viscous_torque
+from twin.parts.drive import T_REF as T_50
 from twin.parts.piston import chamber_volume, volume_by_tilt
 from twin.parts.servo import carried_inertia, rate_arm, rate_leakage, spring_torque, stroking_arm, stroking_leakage
+from twin.parts.slipper_map import (
+    N_AXES,
+    NO_SLIPPERS,
+    OVER_CASE,
+    OVER_SUCTION,
+    SPEED,
+    SUCTION,
+    TEMPERATURE,
+    TILT,
+    WEAR,
+    SlipperMap,
+    Slippers,
+    mapped,
+)
 from twin.parts.swashplate import inertia_torque
 from twin.units import (
     KELVIN_AT_0_DEGC,
@@ -58,8 +79,6 @@ N_UNKNOWNS = 5
 DELIVERY, DRAIN, BALANCE, CONTROL, DEMAND = range(5)
 """Residuals: flow of the discharge node [m3/s], pressure at the drain [Pa], force on the spool [N], flow of the control
 volume [m3/s], what the load asks for [m3/s, or Pa where it is a resistance]."""
-T_50 = KELVIN_AT_0_DEGC + 50.0
-OMEGA_REF = 4600.0 * RAD_PER_S_PER_RPM
 
 _LPM = M3_PER_S_PER_LPM
 _BAR = PA_PER_BAR
@@ -71,40 +90,54 @@ Vector = NDArray[np.float64]
 
 
 @compiled
-def drain_viscosity_ratio(fluid: Fluid, T_c: float) -> float:
-    """Viscosity of the case's fluid over that of the reference bench: 50 degC plus the heating from 175 bar [-]."""
-    return kinematic_viscosity(fluid, T_c) / kinematic_viscosity(
-        fluid, T_50 + throttling_heating(fluid, T_50, P_COUNTED, 0.0)
-    )
+def drain_viscosity_ratio(drive: Drive, fluid: Fluid, Q_ref: float, T_c: float) -> float:
+    """Viscosity of the case's fluid over that of the reference bench [-].
+
+    The bench: 50 degC, 4600 rpm, 175 bar, case flow ``Q_ref`` [m3/s]; its case is warmed as any other.
+    """
+    friction = friction_torque(drive, drive.torque_viscous_ref, P_COUNTED) * OMEGA_REF
+    T_bench = case_temperature(drive, fluid, T_50, P_COUNTED, Q_ref, friction)
+    return kinematic_viscosity(fluid, T_c) / kinematic_viscosity(fluid, T_bench)
 
 
 class Warmth(NamedTuple):
-    """Properties of the fluid at one temperature: SI, ``mu_ratio`` being the viscosity over that at 50 degC."""
+    """Properties of the fluid at one temperature, SI, and the viscous drag of the shaft at one speed [N m]."""
 
     T: float
     rho: float
     nu: float
     medium: Medium
     film: Film
-    mu_ratio: float
+    viscous: float
 
 
 @compiled
-def warmth_of(fluid: Fluid, row: Vector) -> Warmth:
-    """Properties at the temperature of a row of inputs."""
+def warmth_of(pump: Pump, row: Vector) -> Warmth:
+    """Properties at the temperature and speed of a row of inputs."""
+    fluid = pump.fluid
     T = row[at.TEMPERATURE] + _T_0
-    mu_ratio = dynamic_viscosity(fluid, T, P_ATMOSPHERE) / dynamic_viscosity(fluid, T_50, P_ATMOSPHERE)
+    viscous = viscous_torque(pump.drive, fluid, T, row[at.SPEED] * _RPM)
     rho, nu = density(fluid, T, P_ATMOSPHERE), kinematic_viscosity(fluid, T)
-    return Warmth(T, rho, nu, medium_of(fluid, T), film_of(fluid, T), mu_ratio)
+    return Warmth(T, rho, nu, medium_of(fluid, T), film_of(fluid, T), viscous)
+
+
+class Passing(NamedTuple):
+    """What a revolution adds to the mean state: commutations, and slippers whose gap follows from the forces."""
+
+    changes: Commutations
+    slippers: Slippers
 
 
 @compiled
-def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float, delays: float) -> tuple[float, float]:
+def control_pressure_difference(
+    pump: Pump, s: float, omega: float, dP: float, delays: float, pushed: float
+) -> tuple[float, float]:
     """Control minus case pressure that the plate's torque balance asks for at tilt coordinate s [Pa], and its share.
 
     Rate spring and piston inertia drive the tilt up; the commutation delay and the stroking piston down.
     ``delays`` is the sum of the sines of the commutation angles at both dead centres: the pressure of a chamber is
     up from one to the other, and the mean of the piston's torque arm over that half turn is minus their sum.
+    ``pushed`` is what slippers of a variable gap add [N m].
     Beyond the stop the difference falls off exponentially, continuous in value and slope, and never negative: the
     share of the torque that it still holds, 1 up to the stop.
     """
@@ -113,7 +146,7 @@ def control_pressure_difference(pump: Pump, s: float, omega: float, dP: float, d
     alpha = min(s, alpha_max)
     t = math.tan(alpha)
     commutation = piston.n / (2.0 * math.pi) * delays * volume_by_tilt(piston, t, 1.0) * dP
-    torque = spring_torque(servo, math.tan(alpha_max), t) + inertia_torque(piston, t, omega) - commutation
+    torque = spring_torque(servo, math.tan(alpha_max), t) + inertia_torque(piston, t, omega) - commutation + pushed
     torque += rate_arm(servo, t) * dP
     held = torque / stroking_arm(servo, t)
     beyond = s - alpha_max
@@ -132,8 +165,25 @@ def _land_flow(slipper: Slipper, warmth: Warmth, mu: float, P: float, P_c: float
 
 
 @compiled
-def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
-    """Commutations at unknowns u (5,): they depend on P_d, P_c and s, on speed, fluid, reservoir and leakage only."""
+def slippers_at(pump: Pump, model: SlipperMap, row: Vector, u: Vector) -> Slippers:
+    """What slippers of a variable gap add at unknowns u (5,) by their metamodel; without one, nothing."""
+    if model.nodes.shape[0] == 0:
+        return NO_SLIPPERS
+    P_amb = row[at.AMBIENT] * _BAR
+    P_s = row[at.RESERVOIR] * _BAR + P_amb
+    axes = np.empty(N_AXES)
+    axes[TILT] = min(u[U_TILT], pump.swashplate.alpha_max) / _DEG
+    axes[SPEED], axes[TEMPERATURE], axes[SUCTION] = row[at.SPEED], row[at.TEMPERATURE], row[at.RESERVOIR]
+    axes[OVER_CASE], axes[OVER_SUCTION] = (u[U_P_D] - u[U_P_C]) / _BAR, (u[U_P_C] - P_s) / _BAR
+    axes[WEAR] = math.log(row[at.PUMP_SCALE] * row[at.SLIPPER_SCALE])
+    return mapped(pump, model, axes, P_amb)
+
+
+@compiled
+def commute(pump: Pump, model: SlipperMap, warmth: Warmth, row: Vector, u: Vector) -> Passing:
+    """Commutations and slippers at unknowns u (5,): they depend on P_d, P_c and s, on speed, fluid, pressures of reservoir
+    and ambient, and leakage only.
+    """
     piston, servo, medium = pump.piston, pump.servo, warmth.medium
     omega = row[at.SPEED] * _RPM
     P_d, P_c, s = u[U_P_D], u[U_P_C], u[U_TILT]
@@ -147,7 +197,10 @@ def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
     v_0 = math.sqrt(2.0 * max(dP, 1.0) / warmth.rho)
 
     mu = film_viscosity(warmth.film, P_d, P_c)
-    land = row[at.PUMP_SCALE] * row[at.SLIPPER_SCALE] * _land_flow(pump.slipper, warmth, mu, P_d, P_c)
+    slippers = slippers_at(pump, model, row, u)
+    land = 0.0
+    if model.nodes.shape[0] == 0:
+        land = row[at.PUMP_SCALE] * row[at.SLIPPER_SCALE] * _land_flow(pump.slipper, warmth, mu, P_d, P_c)
     reach = piston.R * t
     ring = (
         row[at.PUMP_SCALE]
@@ -163,7 +216,7 @@ def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
     # the control volume as the plate feels it: what leaves it over bleed and stroking piston enters over the spool
     port = pump.port_plate
     delays = 2.0 * (port.phi_commutation + port.phi_seal)
-    dP_ctrl, share = control_pressure_difference(pump, s, omega, dP, delays)
+    dP_ctrl, share = control_pressure_difference(pump, s, omega, dP, delays, slippers.plate_torque)
     dP_in = max(P_d - P_c - dP_ctrl, dP_ctrl)
     mu_in, mu_out = film_viscosity(warmth.film, P_d, P_d - dP_in), film_viscosity(warmth.film, P_c + dP_ctrl, P_c)
     seal_in = seal_conductance(pump.compensator, mu_in, pump.compensator.l_seal_discharge)
@@ -178,7 +231,7 @@ def commute(pump: Pump, warmth: Warmth, row: Vector, u: Vector) -> Commutations:
     stiffness = servo.k_rate * servo.L_rate**2 * (1.0 + t * t) ** 2
     support = Support(J, pump.swashplate.damping, stiffness, stroking_arm(servo, t), capacity, conductance, share)
     swing, arm = 0.5 * (V_max - V_min), volume_by_tilt(piston, t, 1.0)
-    return commutations(port, support, rise, fall, piston.n, swing, arm, dP, v_0, omega)
+    return Passing(commutations(port, support, rise, fall, piston.n, swing, arm, dP, v_0, omega), slippers)
 
 
 @compiled
@@ -203,7 +256,7 @@ def evaluate(
     pump: Pump,
     circuit: Circuit,
     warmth: Warmth,
-    changes: Commutations,
+    passing: Passing,
     row: Vector,
     k_d: float,
     u: Vector,
@@ -212,11 +265,12 @@ def evaluate(
 ) -> None:
     """Residuals F (5,) and outputs Y (len(OUTPUTS),) at unknowns u (5,).
 
-    ``row`` is one row of inputs in the order of ``twin.condition.INPUTS`` (edge units), ``warmth`` and ``changes`` are
+    ``row`` is one row of inputs in the order of ``twin.condition.INPUTS`` (edge units), ``warmth`` and ``passing`` are
     ``warmth_of`` and ``commute`` there; ``k_d`` > 0 sets the load by equation 3-2 [Pa/(m3/s)^2], else the discharge
     flow of the row is imposed. F is in flow, Pa and N.
     """
     omega = row[at.SPEED] * _RPM
+    changes, slippers = passing.changes, passing.slippers
     T, medium, film = warmth.T, warmth.medium, warmth.film
     P_amb = row[at.AMBIENT] * _BAR
     P_r = row[at.RESERVOIR] * _BAR + P_amb
@@ -244,8 +298,10 @@ def evaluate(
     # leaks of one chamber at either pressure
     ring_d = k_piston * annular_gap_flow(P_d, P_c, mu_d, piston.d_p, piston.b, l_mean, e, 0.0)
     ring_s = k_piston * annular_gap_flow(P_s, P_c, mu_s, piston.d_p, piston.b, l_mean, e, 0.0)
-    land_d = k_slipper * _land_flow(slipper, warmth, mu_d, P_d, P_c)
-    land_s = k_slipper * _land_flow(slipper, warmth, mu_s, P_s, P_c)
+    land_d = land_s = 0.0
+    if slippers.mapped < 0.5:
+        land_d = k_slipper * _land_flow(slipper, warmth, mu_d, P_d, P_c)
+        land_s = k_slipper * _land_flow(slipper, warmth, mu_s, P_s, P_c)
     v_mean = 2.0 * piston.R * t * omega / math.pi
     drag = half * 0.5 * v_mean * piston.b * math.pi * piston.d_p
     k_plate = scale * row[at.PORT_PLATE_SCALE]
@@ -256,9 +312,10 @@ def evaluate(
     # a chamber is under pressure from one commutation to the other
     high = half + piston.n / (2.0 * math.pi) * (changes.falling - changes.rising)
     piston_d, piston_s = high * ring_d, (piston.n - high) * ring_s
-    slipper_d, slipper_s = high * land_d, (piston.n - high) * land_s
+    slipper_d = high * land_d + slippers.from_discharge
+    slipper_s = (piston.n - high) * land_s + slippers.from_suction
     delays = math.sin(changes.rising) + math.sin(changes.falling)
-    P_ctrl = P_c + control_pressure_difference(pump, s, omega, P_d - P_s, delays)[0]
+    P_ctrl = P_c + control_pressure_difference(pump, s, omega, P_d - P_s, delays, slippers.plate_torque)[0]
     edge = edge_of(comp, row[at.EDGE_ROUNDING] * 1.0e-6)
     # means over a ripple: for a sine the two ends of its standard deviation are Gauss and Chebyshev's points
     bleed = row[at.CONTROL_BLEED] * _LPM
@@ -281,8 +338,11 @@ def evaluate(
     Q_sys = counted_conductance(P_d - P_r, row[at.SYSTEM_LEAKAGE] * _LPM) * (P_d - P_r)
     P_i = P_r + return_pressure_drop(Q_L + Q_sys + circuit.shared * Q_c, k_inf, K, circuit.gamma)
     P_down = P_i if circuit.shared > 0.5 else P_r
-    T_c = T + throttling_heating(fluid, T, P_d, P_c)
-    nu_ratio = drain_viscosity_ratio(pump.fluid, T_c) if circuit.w_nu + row[at.DRAIN_VISCOSITY_CHANGE] != 0.0 else 1.0
+    friction = friction_torque(pump.drive, warmth.viscous, P_d - P_c)
+    T_c = case_temperature(pump.drive, fluid, T, P_d - P_c, Q_c, friction * omega)
+    nu_ratio = 1.0
+    if circuit.w_nu + row[at.DRAIN_VISCOSITY_CHANGE] != 0.0:
+        nu_ratio = drain_viscosity_ratio(pump.drive, fluid, circuit.Q_ref, T_c)
     drop = drain_pressure_drop(
         Q_c,
         k_c,
@@ -298,11 +358,11 @@ def evaluate(
 
     F[DELIVERY] = Q_pump - leak_d - inflow - Q_L - Q_sys
     F[DRAIN] = P_c - P_down - drop
-    F[BALANCE] = (P_d - P_c) * comp.A_spool - spring - jet
+    F[BALANCE] = (P_d - P_c) * comp.A_spool - spring - jet + spool_stop(comp, x)[0]
     F[CONTROL] = inflow - outflow
     F[DEMAND] = P_d - P_i - k_d * Q_L * abs(Q_L) if k_d > 0.0 else Q_L - row[at.ASKED_FLOW] * _LPM
 
-    torque = Q_pump * (P_d - P_s) / omega + friction_torque(pump.drive, warmth.mu_ratio, omega / OMEGA_REF, P_d - P_c)
+    torque = Q_pump * (P_d - P_s) / omega + slippers.shaft_torque + friction
 
     Y[at.DISCHARGE_PRESSURE] = (P_d - P_amb) / _BAR
     Y[at.CASE_PRESSURE] = (P_c - P_amb) / _BAR

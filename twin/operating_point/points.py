@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from twin.condition import INPUTS, OUTPUTS, RANGES, RESERVOIR_RANGE_BAR, Condition, Health, OperatingPoints, input_rows
 from twin.operating_point.solver import DEMAND_TOO_HIGH, NOT_CONVERGED, NOT_FINITE, OUT_OF_RANGE, solve_batch
 from twin.parameters import Circuit, Pump
+from twin.parts.slipper_map import NO_MAP, SlipperMap
+from twin.slipper_maps import stored_map
 
 BELOW_VACUUM = 5
 """Status of a steady state that would need an absolute pressure below zero."""
@@ -26,6 +28,12 @@ PROBLEMS: dict[int, str] = {
     BELOW_VACUUM: "an absolute pressure would lie below zero: fluid cannot be pulled, so there is no such steady state; "
     "ask for less flow or leakage, or give the reservoir more pressure",
 }
+
+
+def slipper_model(pump: Pump) -> SlipperMap:
+    """Metamodel of a pump's variable slipper gap as kernels take it; ``NO_MAP`` where the gap is ``slipper.h``."""
+    stored = stored_map(pump)
+    return NO_MAP if stored is None else stored.model
 
 
 def operating_points(
@@ -70,7 +78,7 @@ def operating_points(
     values = np.empty((n, len(OUTPUTS)))
     slopes = np.empty((n, len(OUTPUTS), len(INPUTS)) if derivatives else (0, 0, 0))
     status = np.zeros(n, dtype=np.int64)
-    solve_batch(pump, circuit, rows, k_d, values, np.arange(len(INPUTS)), slopes, status)
+    solve_batch(pump, slipper_model(pump), circuit, rows, k_d, values, np.arange(len(INPUTS)), slopes, status)
     absolute = values[:, :_PRESSURES] + rows[:, [INPUTS.index("ambient_pressure_bar")]]
     pulled = (status == 0) & (absolute < 0.0).any(axis=1)
     status[pulled] = BELOW_VACUUM

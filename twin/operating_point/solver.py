@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from twin import columns as at
 from twin.compiled import compiled
 from twin.condition import INPUTS, RANGES, RESERVOIR_RANGE_BAR
-from twin.operating_point.commutation import Commutations
 from twin.operating_point.elimination import solve_in_place
 from twin.operating_point.equations import (
     BALANCE,
@@ -22,12 +21,14 @@ from twin.operating_point.equations import (
     U_P_D,
     U_SPOOL,
     U_TILT,
+    Passing,
     Warmth,
     commute,
     evaluate,
     warmth_of,
 )
 from twin.parameters import Circuit, Pump
+from twin.parts.slipper_map import SlipperMap
 from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_S_PER_RPM
 
 Vector = NDArray[np.float64]
@@ -125,9 +126,10 @@ def start(pump: Pump, row: Vector, k_d: float, at_stop: bool, u: Vector) -> None
 @compiled
 def _jacobian(
     pump: Pump,
+    model: SlipperMap,
     circuit: Circuit,
     warmth: Warmth,
-    changes: Commutations,
+    passing: Passing,
     row: Vector,
     k_d: float,
     u: Vector,
@@ -139,7 +141,7 @@ def _jacobian(
     for j in range(N_UNKNOWNS):
         kept = u[j]
         u[j] = kept + _STEP * _U[j]
-        there = commute(pump, warmth, row, u) if j < N_COMMUTING else changes
+        there = commute(pump, model, warmth, row, u) if j < N_COMMUTING else passing
         evaluate(pump, circuit, warmth, there, row, k_d, u, F_2, Y)
         u[j] = kept
         for i in range(N_UNKNOWNS):
@@ -148,7 +150,15 @@ def _jacobian(
 
 @compiled
 def solve(
-    pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: Vector, work: Matrix, near: bool
+    pump: Pump,
+    model: SlipperMap,
+    circuit: Circuit,
+    row: Vector,
+    k_d: float,
+    u: Vector,
+    Y: Vector,
+    work: Matrix,
+    near: bool,
 ) -> bool:
     """Drive the residuals to zero from the guess in ``u``; True when solved. ``work`` is (WORK_ROWS, 5) of scratch.
 
@@ -157,16 +167,16 @@ def solve(
     """
     F, kept, J, spent = work[_RESIDUALS], work[_KEPT], work[_JACOBIAN:_SPENT], work[_SPENT:_MOVE]
     b = work[_MOVE].reshape((N_UNKNOWNS, 1))
-    warmth = warmth_of(pump.fluid, row)
-    changes = commute(pump, warmth, row, u)
-    evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
+    warmth = warmth_of(pump, row)
+    passing = commute(pump, model, warmth, row, u)
+    evaluate(pump, circuit, warmth, passing, row, k_d, u, F, Y)
     norm = _norm(F, k_d)
     reused = near
     for _ in range(_MAX_ITERATIONS):
         if norm < _TOLERANCE:
             return True
         if not reused:
-            _jacobian(pump, circuit, warmth, changes, row, k_d, u, Y, work)
+            _jacobian(pump, model, circuit, warmth, passing, row, k_d, u, Y, work)
         spent[:, :] = J
         for i in range(N_UNKNOWNS):
             b[i, 0] = -F[i]
@@ -181,8 +191,8 @@ def solve(
         for _halving in range(1 if reused else _MAX_HALVINGS):
             for i in range(N_UNKNOWNS):
                 u[i] = kept[i] + damping * b[i, 0] * _U[i]
-            changes = commute(pump, warmth, row, u)
-            evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
+            passing = commute(pump, model, warmth, row, u)
+            evaluate(pump, circuit, warmth, passing, row, k_d, u, F, Y)
             trial = _norm(F, k_d)
             if u[U_TILT] > _TILT_LOW and (trial < norm or trial < _TOLERANCE):
                 improved = True
@@ -192,8 +202,8 @@ def solve(
         if not improved:
             for i in range(N_UNKNOWNS):
                 u[i] = kept[i]
-            changes = commute(pump, warmth, row, u)
-            evaluate(pump, circuit, warmth, changes, row, k_d, u, F, Y)
+            passing = commute(pump, model, warmth, row, u)
+            evaluate(pump, circuit, warmth, passing, row, k_d, u, F, Y)
             # at the floor of rounding no step improves: accept what is solved for every purpose
             if not reused:
                 return _norm(F, k_d) < 1.0e4 * _TOLERANCE
@@ -202,7 +212,9 @@ def solve(
 
 
 @compiled
-def solve_cold(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: Vector, work: Matrix) -> bool:
+def solve_cold(
+    pump: Pump, model: SlipperMap, circuit: Circuit, row: Vector, k_d: float, u: Vector, Y: Vector, work: Matrix
+) -> bool:
     """Solve without a neighbour to start from; a stiff valve is reached from softer ones where it has to be."""
     asked = row[at.DROOP_SCALE]
     solved = False
@@ -211,10 +223,10 @@ def solve_cold(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector,
             if not solved:
                 row[at.DROOP_SCALE] = droop
                 start(pump, row, k_d, at_stop, u)
-                solved = solve(pump, circuit, row, k_d, u, Y, work, False)
+                solved = solve(pump, model, circuit, row, k_d, u, Y, work, False)
         while solved and row[at.DROOP_SCALE] > asked:
             row[at.DROOP_SCALE] = max(asked, 0.5 * row[at.DROOP_SCALE] - 0.01)
-            solved = solve(pump, circuit, row, k_d, u, Y, work, False)
+            solved = solve(pump, model, circuit, row, k_d, u, Y, work, False)
         if solved:
             break
     row[at.DROOP_SCALE] = asked
@@ -223,7 +235,15 @@ def solve_cold(pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector,
 
 @compiled
 def differentiate(
-    pump: Pump, circuit: Circuit, row: Vector, k_d: float, u: Vector, n_out: int, by: NDArray[np.int64], D: Matrix
+    pump: Pump,
+    model: SlipperMap,
+    circuit: Circuit,
+    row: Vector,
+    k_d: float,
+    u: Vector,
+    n_out: int,
+    by: NDArray[np.int64],
+    D: Matrix,
 ) -> bool:
     """Derivatives of the outputs by the inputs ``by``, D of shape (n_out, len(row)), at a solution ``u``.
 
@@ -236,13 +256,13 @@ def differentiate(
     Y_0, Y_a = np.empty(n_out), np.empty(n_out)
     F_u, Y_u = np.empty((n, n)), np.empty((n_out, n))
     F_p, Y_p = np.empty((n, n_in)), np.empty((n_out, n_in))
-    warmth = warmth_of(pump.fluid, row)
-    changes = commute(pump, warmth, row, u)
-    evaluate(pump, circuit, warmth, changes, row, k_d, u, F_0, Y_0)
+    warmth = warmth_of(pump, row)
+    passing = commute(pump, model, warmth, row, u)
+    evaluate(pump, circuit, warmth, passing, row, k_d, u, F_0, Y_0)
     for j in range(n):
         kept = u[j]
         u[j] = kept + _SLOPE_STEP * _U[j]
-        there = commute(pump, warmth, row, u) if j < N_COMMUTING else changes
+        there = commute(pump, model, warmth, row, u) if j < N_COMMUTING else passing
         evaluate(pump, circuit, warmth, there, row, k_d, u, F_a, Y_a)
         u[j] = kept
         F_u[:, j] = (F_a - F_0) / _SLOPE_STEP
@@ -252,8 +272,8 @@ def differentiate(
         kept = row[j]
         h = _SLOPE_STEP * max(1.0, abs(kept))
         row[j] = kept + h
-        warmer = warmth_of(pump.fluid, row) if j == at.TEMPERATURE else warmth
-        there = commute(pump, warmer, row, u) if _COMMUTES[j] else changes
+        warmer = warmth_of(pump, row) if j in (at.TEMPERATURE, at.SPEED) else warmth
+        there = commute(pump, model, warmer, row, u) if _COMMUTES[j] else passing
         evaluate(pump, circuit, warmer, there, row, k_d, u, F_a, Y_a)
         row[j] = kept
         F_p[:, place] = (F_0 - F_a) / h
@@ -288,6 +308,7 @@ def is_in_range(row: Vector) -> bool:
 @compiled
 def solve_batch(
     pump: Pump,
+    model: SlipperMap,
     circuit: Circuit,
     rows: Matrix,
     k_d: Vector,
@@ -298,6 +319,7 @@ def solve_batch(
 ) -> None:
     """Solve every row; a neighbour's failure costs nothing.
 
+    ``model`` is the metamodel of a variable slipper gap, or ``NO_MAP``: then the gap is ``slipper.h``.
     ``D`` of shape (0, 0, 0) asks for no derivatives; else those by the inputs ``by`` are written, the rest is left.
     """
     n_out = Y.shape[1]
@@ -311,8 +333,8 @@ def solve_batch(
         elif not is_in_range(row):
             status[i] = OUT_OF_RANGE
         else:
-            solved = warm and solve(pump, circuit, row, k_d[i], u, Y[i], work, True)
-            solved = solved or solve_cold(pump, circuit, row, k_d[i], u, Y[i], work)
+            solved = warm and solve(pump, model, circuit, row, k_d[i], u, Y[i], work, True)
+            solved = solved or solve_cold(pump, model, circuit, row, k_d[i], u, Y[i], work)
             # an imposed flow beyond the delivery pulls the fully tilted pump down to the return line or lower
             starved = not Y[i, at.DISCHARGE_PRESSURE] > Y[i, at.RETURN_PRESSURE] or (
                 not solved and u[U_TILT] > pump.swashplate.alpha_max
@@ -322,7 +344,7 @@ def solve_batch(
             else:
                 status[i] = DEMAND_TOO_HIGH if starved and not k_d[i] > 0.0 else NOT_CONVERGED
         warm = status[i] == SOLVED
-        if warm and D.shape[0] > 0 and not differentiate(pump, circuit, row, k_d[i], u, n_out, by, D[i]):
+        if warm and D.shape[0] > 0 and not differentiate(pump, model, circuit, row, k_d[i], u, n_out, by, D[i]):
             status[i] = NOT_CONVERGED
         if status[i] != SOLVED:
             Y[i, :] = np.nan

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from twin.condition import INPUTS, OperatingPoints
 from twin.laws.fluid import P_ATMOSPHERE, density
 from twin.parameters import Pump, PumpType
+from twin.slipper_maps import is_inside, stored_map
 from twin.units import (
     KELVIN_AT_0_DEGC,
     M3_PER_S_PER_LPM,
@@ -32,7 +33,10 @@ OVER_SETTING = 1.2
 AIR_RELEASE_BAR = 0.3
 """Absolute pressure in a filling chamber below which air comes out of the oil: estimate; the sets know no suction line."""
 VARIABLE_GAP = "slipper.variable"
-"""Named where a set's slipper gap follows from the forces: the operating point takes the constant ``slipper.h`` instead."""
+"""Named where a set's slipper gap follows from the forces and no metamodel was fitted to its numbers: the operating point
+takes the constant ``slipper.h`` instead."""
+GAP_MODEL = "slipper.metamodel"
+"""Named where the metamodel of a set's variable gap is asked beyond the runs that it was fitted to."""
 SUCTION = "suction_pressure_bar"
 """Named where a chamber cannot fill: too fast, too far tilted, too little pressure behind it."""
 
@@ -107,11 +111,40 @@ def outside(kind: PumpType, points: OperatingPoints) -> tuple[tuple[str, ...], .
         name: ~((values >= ranges[name][0] - 1.0e-9) & (values <= ranges[name][1] + 1.0e-9))
         for name, values in shown.items()
     }
-    always = (VARIABLE_GAP,) if kind.pump.slipper.variable > 0.5 else ()
+    gaps = _gap_words(kind.pump, points)
     return tuple(
-        (*(name for name in beyond if beyond[name][i]), *always) if points.status[i] == 0 else ()
+        (*(name for name in beyond if beyond[name][i]), *gaps[i]) if points.status[i] == 0 else ()
         for i in range(len(points))
     )
+
+
+def _gap_words(pump: Pump, points: OperatingPoints) -> list[tuple[str, ...]]:
+    """What is to be said of each point's slipper gap, length n."""
+    n = len(points)
+    if pump.slipper.variable < 0.5:
+        return [()] * n
+    stored = stored_map(pump)
+    if stored is None:
+        return [(VARIABLE_GAP,)] * n
+    rows = points.inputs
+    case = points.value("case_pressure_bar")
+    reservoir = rows[:, _INPUT["reservoir_pressure_bar"]]
+    wear = np.log(rows[:, _INPUT["pump_leakage_scale"]] * rows[:, _INPUT["slipper_leakage_scale"]])
+    axes = np.column_stack(
+        [
+            points.value("swashplate_angle_deg"),
+            rows[:, _INPUT["speed_rpm"]],
+            points.value("discharge_pressure_bar") - case,
+            case - reservoir,
+            reservoir,
+            rows[:, _INPUT["fluid_temperature_degc"]],
+            wear,
+        ]
+    )
+    # the stop's own torque begins at the top, so that no run stands exactly there
+    axes[:, 0] = np.minimum(axes[:, 0], stored.model.high[0])
+    ambient = rows[:, _INPUT["ambient_pressure_bar"]]
+    return [() if is_inside(pump, stored, axes[i], float(ambient[i])) else (GAP_MODEL,) for i in range(n)]
 
 
 _INPUT = {name: i for i, name in enumerate(INPUTS)}

@@ -149,6 +149,15 @@ DRIVE: Mapping[str, Quantity] = {
     "torque_pressure": Quantity(
         0.049564, "cm3", f"{_SHEET}: N m of Coulomb friction per Pa of discharge pressure", 0.3
     ),
+    "film_conductance": Quantity(
+        48.0, "W/K", "estimate: 10 K of self-heating at 50 degC and 4600 rpm, so that a cold start asks some N m", 0.5
+    ),
+    "heat_share": Quantity(
+        0.5, "-", "estimate: half of the friction warms the case, the rest leaves with the delivery and the shaft", 0.5
+    ),
+    "case_conductance": Quantity(
+        15.0, "W/K", "estimate: 0.1 m2 of housing in moving air, and the housing's contact with the through-flow", 0.5
+    ),
     "J": Quantity(0.0, "kg m2", "ideal speed: a main gear box does not give way to one pump"),
     "stiffness": Quantity(0.85, "N m s", "13.4 N m of a load step move the bench's drive by 150 rpm, figure 3-16", 0.3),
 }

@@ -87,6 +87,8 @@ RULES: Mapping[str, Rule] = {
     "volumes.control": _VOLUME,
     "drive.torque_viscous_ref": ("length^3 times speed", lambda r: r.length**3 * r.speed),
     "drive.torque_pressure": _VOLUME,
+    "drive.film_conductance": ("length^2", lambda r: r.length**2),
+    "drive.case_conductance": ("length^2", lambda r: r.length**2),
 }
 """Numbers that scale, each by its rule; gaps, ratios, laws and the valve's spool stay as they are."""
 _CASE_FLOWS = ("case_flow_lpm", "case_flow_low_lpm")

@@ -17,7 +17,12 @@ _DERIVED = ("id", "base", "title", "changes")
 _SENSOR = ("full_scale_bar", "accuracy_percent_full_scale", "repeatability_percent_full_scale")
 _LIKE_UNITS = (("m", "mm", "um"), ("cm3", "mm3", "L"), ("bar", "MPa", "Pa"), ("rad", "deg"), ("N/m", "N/mm"))
 _REFERENCE = PUMP_TYPES["h225"]
-_LATER = ("limits.case_pressure_limit_bar",)
+_LATER = (
+    "limits.case_pressure_limit_bar",
+    "quantities.drive.film_conductance",
+    "quantities.drive.heat_share",
+    "quantities.drive.case_conductance",
+)
 """Quantities that documents written by release 1.0 do not have; they stand for the reference's."""
 _LONGEST = 500
 

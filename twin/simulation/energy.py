@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from twin.compiled import compiled
 from twin.laws.compressibility import elastic_head
 from twin.parameters import Circuit, Pump
+from twin.parts.drive import friction_torque
 from twin.simulation import chambers
 from twin.simulation.layout import (
     ALPHA_DOT,
@@ -22,6 +23,7 @@ from twin.simulation.layout import (
     G_S,
     N_COLUMNS,
     N_SHARED,
+    OMEGA,
     P_C,
     P_CTRL,
     P_D,
@@ -46,8 +48,11 @@ POWERS: tuple[str, ...] = (
     "compensator",
     "system_leakage",
     "damping",
+    "friction",
 )
-SHAFT, DISCHARGE, DRAIN, PORTS, SLIPPERS, PISTONS, PORT_PLATE, COMPENSATOR, SYSTEM, DAMPING = range(len(POWERS))
+SHAFT, DISCHARGE, DRAIN, PORTS, SLIPPERS, PISTONS, PORT_PLATE, COMPENSATOR, SYSTEM, DAMPING, FRICTION = range(
+    len(POWERS)
+)
 """Powers of a balance [W]: the shaft's input, what leaves with the load and the drain, then the losses by name."""
 
 
@@ -76,6 +81,9 @@ def _powers(
     out[COMPENSATOR] += s.e_in * (P_d - P_x) * (e_d - e_x) + (s.e_out * (P_x - P_c) + s.bleed) * (e_x - e_c)
     out[COMPENSATOR] += (s.rate_leak + s.throttled) * (P_d - P_c) * (e_d - e_c)
     out[SYSTEM] += q_sys * (e_d - e_s)
+    friction = friction_torque(pump.drive, scene.viscous, P_d - P_c) * y[OMEGA]
+    out[SHAFT] += friction
+    out[FRICTION] += friction
     out[DAMPING] += s.F_spring_v * v * v - s.torque_rate * w * w
 
 

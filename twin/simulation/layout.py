@@ -31,7 +31,7 @@ STATE_NAMES: tuple[str, ...] = (
 
 (Q_LOAD, Q_DRAIN, Q_RETURN, Q_SUCTION, TORQUE, Q_SYSTEM, Q_SLIPPER) = range(7)
 N_FLOWS = 7
-"""What a step reports: load, drain line, return line, suction [m3/s], hydraulic shaft torque [N m], leak of the
+"""What a step reports: load, drain line, return line, suction [m3/s], shaft torque with friction [N m], leak of the
 circuit, all slippers into the case [m3/s]."""
 
 TILT_MEAN = N_VOLUMES

@@ -90,9 +90,9 @@ def _shaft_bearing_damage(condition: Condition, _duration_s: float, severity: fl
     estimate: 2 N m, nearly as much as the whole healthy pump takes without flow (2.4 N m, acceptance sheet). It lowers
     the speed as the drive of the thesis' bench gives way, 0.85 N m s (figure 3-16); a main gear box would not notice.
 
-    What the hydraulic model shows is this leakage and this speed. It cannot show the rest of table 4-1: friction is no
-    part of ``shaft_torque_nm``, its heat does not warm the case, and there is no debris, no seal that drips and no
-    shaft that breaks. One shaft turn's swing of the tilted gap is not followed either, only its mean.
+    What the hydraulic model shows is this leakage and this speed. It cannot show the rest of table 4-1: this bearing's
+    friction is no part of ``shaft_torque_nm``, its heat does not warm the case, and there is no debris, no seal that drips
+    and no shaft that breaks. One shaft turn's swing of the tilted gap is not followed either, only its mean.
     """
     leakage = 1.0 + 1.5 * min(severity, 1.0) ** 2
     slower_rpm = SHAFT_FRICTION_NM * severity / DRIVE_STIFFNESS_NM_S / RAD_PER_S_PER_RPM

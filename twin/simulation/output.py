@@ -3,6 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.compiled import compiled
+from twin.parameters import Pump
+from twin.parts.drive import case_temperature, friction_torque, viscous_torque
 from twin.recording import TIME, Recording
 from twin.simulation.layout import (
     ALPHA,
@@ -26,7 +29,7 @@ from twin.simulation.layout import (
     X,
 )
 from twin.simulation.scene import SCENE_INPUTS
-from twin.units import M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_DEG, RAD_PER_S_PER_RPM
+from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR, RAD_PER_DEG, RAD_PER_S_PER_RPM
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -47,15 +50,28 @@ _FLOWS: dict[str, int] = {
 }
 _FIRST_FLOW = FIRST_MEAN + N_STATE_MEANS
 MEANS: tuple[str, ...] = (*_PRESSURES, "swashplate_angle_deg", *_FLOWS, "shaft_torque_nm")
-"""Cycle means of a run; the torque is the hydraulic part."""
+"""Cycle means of a run; the torque is the shaft's, friction included, as the operating point's."""
 
 
 def _column(name: str, times: Vector, table: Matrix, at: Vector) -> Vector:
     return np.interp(at, times, table[:, SCENE_INPUTS.index(name)])
 
 
-def recording_of(title: str, times: Vector, table: Matrix, at: Vector, samples: Matrix) -> Recording:
-    """Recording of samples, shape (m, N_SAMPLE), at instants (m,); pressures are gauge."""
+@compiled
+def _case_temperatures(pump: Pump, T: Vector, omega: Vector, dP: Vector, Q_c: Vector, out: Vector) -> None:
+    viscous = 0.0
+    for i in range(len(out)):
+        if i == 0 or T[i] != T[i - 1] or omega[i] != omega[i - 1]:
+            viscous = viscous_torque(pump.drive, pump.fluid, T[i], omega[i])
+        friction = friction_torque(pump.drive, viscous, dP[i]) * omega[i]
+        out[i] = case_temperature(pump.drive, pump.fluid, T[i], dP[i], Q_c[i], friction)
+
+
+def recording_of(pump: Pump, title: str, times: Vector, table: Matrix, at: Vector, samples: Matrix) -> Recording:
+    """Recording of samples, shape (m, N_SAMPLE), at instants (m,); pressures are gauge.
+
+    The case's temperature is the balance of each instant: housing and fluid of the case store no heat.
+    """
     ambient = _column("ambient_pressure_bar", times, table, at)
     channels: dict[str, Vector] = {TIME: at}
     for name, j in _PRESSURES.items():
@@ -68,6 +84,11 @@ def recording_of(title: str, times: Vector, table: Matrix, at: Vector, samples: 
     channels["swashplate_angle_deg"] = samples[:, ALPHA] / RAD_PER_DEG
     channels["spool_position_mm"] = samples[:, X] * 1.0e3
     channels["shaft_torque_nm"] = samples[:, N_SHARED + TORQUE].copy()
+    warmth = np.empty(len(at))
+    kelvin = channels["fluid_temperature_degc"] + KELVIN_AT_0_DEGC
+    omega, over = np.ascontiguousarray(samples[:, OMEGA]), samples[:, P_D] - samples[:, P_C]
+    _case_temperatures(pump, kelvin, omega, over, np.ascontiguousarray(samples[:, N_SHARED + Q_DRAIN]), warmth)
+    channels["case_temperature_degc"] = warmth - KELVIN_AT_0_DEGC
     return Recording(channels, {"scenario": title} if title else {})
 
 

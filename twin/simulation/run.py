@@ -248,7 +248,7 @@ def pieces(
         ended = instants[-1] if code == RUNNING else float(revolution[STOPPED_AT])
         worst = "" if code == RUNNING else _worst(y, n)
         yield Run(
-            recording_of(scenario.title, times, table, instants, samples[:done]),
+            recording_of(pump, scenario.title, times, table, instants, samples[:done]),
             cycle_means(times, table, means[: min(int(counts[ENDED]), len(means))]),
             Status(code, float(ended), worst, int(counts[TAKEN]), int(counts[REJECTED])),
             keep[:done],

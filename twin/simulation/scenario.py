@@ -27,6 +27,9 @@ TRANSIENT_RANGES: dict[str, tuple[float, float]] = {
     "slipper_gap_scale": (0.0, 20.0),
     "port_plate_gap_scale": (0.0, 20.0),
 }
+QUASI_STEADY_RANGES: dict[str, tuple[float, float]] = {**TRANSIENT_RANGES, "speed_rpm": (0.0, RANGES["speed_rpm"][1])}
+LONGEST_RUN_S, LONGEST_FLIGHT_S = 3600.0, 12.0 * 3600.0
+"""Longest run of the transient, and of a sequence of operating points [s]."""
 _UNITS = {"rpm": "rpm", "degc": "degC", "bar": "bar", "lpm": "L/min", "um": "um", "n": "N", "nm": "N m"}
 STEP_RANGE_S = (0.1e-6, 100.0e-6)
 """Steps for which the error was measured."""
@@ -95,6 +98,8 @@ class Scenario:
         Name of ``SCENARIO_INPUTS`` to a constant or a ``Schedule``.
     start_flight_hours
         Flight hours of the pump at the start, for schedules over flight hours.
+    quasi_steady
+        True for a sequence of operating points (``twin.simulation.flight``): longer, and from standstill.
     """
 
     duration_s: float
@@ -103,6 +108,7 @@ class Scenario:
     changes: Mapping[str, Value] = field(default_factory=dict)
     start_flight_hours: float = 0.0
     title: str = ""
+    quasi_steady: bool = False
 
     def table(self, n: int) -> tuple[Vector, Matrix]:
         """Schedule for a pump of n pistons: instants (m,), inputs (m, N_SCENE + 2 n).
@@ -147,12 +153,14 @@ class Scenario:
 
     def _faults(self, n: int) -> list[str]:
         found = []
-        if not (math.isfinite(self.duration_s) and 0.0 < self.duration_s <= 3600.0):
-            found.append(f"duration_s = {self.duration_s:g} (allowed: above 0 to 3600 s)")
+        longest = LONGEST_FLIGHT_S if self.quasi_steady else LONGEST_RUN_S
+        ranges = QUASI_STEADY_RANGES if self.quasi_steady else TRANSIENT_RANGES
+        if not (math.isfinite(self.duration_s) and 0.0 < self.duration_s <= longest):
+            found.append(f"duration_s = {self.duration_s:g} (allowed: above 0 to {longest:g} s)")
         own = {**self.condition._asdict(), **self.health._asdict()}
         for name, value in own.items():
             if name not in self.changes:
-                found += _value_faults(name, name, [value])
+                found += _value_faults(name, name, [value], ranges)
         for name, change in self.changes.items():
             base_name, index = _split(name)
             if base_name not in SCENARIO_INPUTS or (index is not None and base_name not in GAP_INPUTS[:2]):
@@ -164,9 +172,9 @@ class Scenario:
                 wrong = change.faults()
                 found += [f"{name}: {fault}" for fault in wrong]
                 if not wrong:
-                    found += _value_faults(name, base_name, change.values)
+                    found += _value_faults(name, base_name, change.values, ranges)
             else:
-                found += _value_faults(name, base_name, [change])
+                found += _value_faults(name, base_name, [change], ranges)
         load = self.changes.get("load_conductance_lpm_per_sqrt_bar", 0.0)
         flow = self.changes.get("discharge_flow_lpm", self.condition.discharge_flow_lpm)
         if _largest(load) > 0.0 and _largest(flow) > 0.0:
@@ -187,14 +195,16 @@ def _split(name: str) -> tuple[str, int | None]:
     return (base, int(number)) if number.isdigit() else (name, None)
 
 
-def _value_faults(name: str, base_name: str, values: Sequence[float]) -> list[str]:
+def _value_faults(
+    name: str, base_name: str, values: Sequence[float], ranges: Mapping[str, tuple[float, float]]
+) -> list[str]:
     if not all(math.isfinite(v) for v in values):
         return [f"{name}: a value is not a finite number"]
     if base_name == "reservoir_pressure_bar":
         # gauge: the absolute range less a standard atmosphere's worth on both sides
         low, high = -1.0, RESERVOIR_RANGE_BAR[1]
     else:
-        low, high = TRANSIENT_RANGES[base_name]
+        low, high = ranges[base_name]
     wrong = [v for v in values if not low <= v <= high]
     return [f"{name} = {wrong[0]:g} (allowed: {low:g} to {high:g}{_unit(base_name)})"] if wrong else []
 

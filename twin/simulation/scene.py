@@ -10,11 +10,11 @@ from twin import columns as at
 from twin.compiled import compiled
 from twin.condition import INPUTS
 from twin.laws.compressibility import Medium, medium_of
-from twin.laws.fluid import P_ATMOSPHERE, Film, density, dynamic_viscosity, film_of, kinematic_viscosity
+from twin.laws.fluid import P_ATMOSPHERE, Film, density, film_of, kinematic_viscosity
 from twin.laws.metering_edge import Edge
-from twin.operating_point.equations import OMEGA_REF, T_50
 from twin.parameters import Circuit, Pump
 from twin.parts.compensator import edge_of
+from twin.parts.drive import T_REF, viscous_torque
 from twin.parts.slipper import (
     land_area,
     land_coefficient,
@@ -68,8 +68,7 @@ class Scene(NamedTuple):
     edge: Edge
     jam: float
     plate_friction: float
-    mu_ratio: float
-    omega_ratio: float
+    viscous: float
     ring: float
     ring_drag: float
     land: float
@@ -86,7 +85,8 @@ def scene_of(pump: Pump, circuit: Circuit, row: Vector) -> Scene:
     T = row[at.TEMPERATURE] + KELVIN_AT_0_DEGC
     fluid, comp, piston, slipper = pump.fluid, pump.compensator, pump.piston, pump.slipper
     preload = (
-        comp.F_preload * (1.0 - comp.spring_softening * (T - T_50)) + row[at.SETTING_CHANGE] * PA_PER_BAR * comp.A_spool
+        comp.F_preload * (1.0 - comp.spring_softening * (T - T_REF))
+        + row[at.SETTING_CHANGE] * PA_PER_BAR * comp.A_spool
     )
     rho = density(fluid, T, P_ATMOSPHERE)
     warmer = T - circuit.T_ref
@@ -118,8 +118,7 @@ def scene_of(pump: Pump, circuit: Circuit, row: Vector) -> Scene:
         edge=edge_of(comp, row[at.EDGE_ROUNDING] * 1.0e-6),
         jam=row[SPOOL_JAMMING],
         plate_friction=row[PLATE_FRICTION],
-        mu_ratio=dynamic_viscosity(fluid, T, P_ATMOSPHERE) / dynamic_viscosity(fluid, T_50, P_ATMOSPHERE),
-        omega_ratio=1.0 / OMEGA_REF,
+        viscous=viscous_torque(pump.drive, fluid, T, row[at.SPEED] * RAD_PER_S_PER_RPM),
         ring=math.pi * piston.d_p * piston.b**3 / 12.0 * (1.0 + 1.5 * piston.e_rel**2),
         ring_drag=0.5 * piston.b * math.pi * piston.d_p,
         land=land_coefficient(slipper),

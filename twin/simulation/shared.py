@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
 from twin.laws.compressibility import relative_compressibility
-from twin.laws.fluid import film_viscosity, throttling_heating
+from twin.laws.fluid import film_viscosity
 from twin.laws.friction import friction_damping, friction_damping_ahead
 from twin.operating_point.equations import drain_viscosity_ratio
 from twin.parameters import Circuit, Pump
@@ -26,6 +26,7 @@ from twin.parts.compensator import (
     spool_stop,
     transient_jet_damping,
 )
+from twin.parts.drive import case_temperature, friction_torque
 from twin.parts.swashplate import inertia_torque, stop
 from twin.simulation.layout import (
     ALPHA,
@@ -106,6 +107,22 @@ def _servo_contact(depth: float, rate: float, k: float, d: float) -> tuple[float
     return elastic, stiffness, servo_part.contact_damping(elastic, rate, d)
 
 
+@compiled
+def _warmed_drain(pump: Pump, scene: Scene, k_c: float, k_cQ: float, dP: float, drop: float, omega: float) -> float:
+    """Laminar part of the drain's resistance with the case's own viscosity [Pa s/m3].
+
+    The flow warms the case less the larger it is, and the warmer case lets more flow: two rounds settle it.
+    """
+    drive, found = pump.drive, k_c
+    friction = friction_torque(drive, scene.viscous, dP) * omega
+    for _ in range(3):
+        Q_c = drain_conductance(drop, found, k_cQ) * drop
+        T_c = case_temperature(drive, pump.fluid, scene.T, dP, Q_c, friction)
+        ratio = drain_viscosity_ratio(drive, pump.fluid, scene.Q_ref, T_c)
+        found = k_c + scene.k_c * scene.w_nu * (ratio - 1.0)
+    return found
+
+
 @inlined
 def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Shared:
     """Passages and forces between the shared states of ``y``."""
@@ -165,10 +182,9 @@ def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Sh
         stroke = rate = Servo(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     k_c, k_cQ = scene.k_c * (1.0 - scene.w_Q), scene.k_c * scene.w_Q / scene.Q_ref
-    if scene.w_nu != 0.0:
-        T_c = scene.T + throttling_heating(pump.fluid, scene.T, P_d, P_c)
-        k_c += scene.k_c * scene.w_nu * (drain_viscosity_ratio(pump.fluid, T_c) - 1.0)
     P_down = P_i if circuit.shared > 0.5 else scene.P_s
+    if scene.w_nu != 0.0:
+        k_c = _warmed_drain(pump, scene, k_c, k_cQ, P_d - P_c, P_c - P_down, y[OMEGA])
     return Shared(
         load=turbulent_conductance(P_d - P_i, scene.load),
         system=counted_conductance(P_d - scene.P_s, scene.Q_sys),

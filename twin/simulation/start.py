@@ -7,6 +7,7 @@ from twin import columns as at
 from twin.condition import INPUTS, OUTPUTS
 from twin.laws.fluid import P_ATMOSPHERE
 from twin.operating_point.equations import N_UNKNOWNS, U_SPOOL, U_TILT
+from twin.operating_point.points import slipper_model
 from twin.operating_point.solver import WORK_ROWS, solve_cold
 from twin.parameters import Circuit, Pump
 from twin.simulation.layout import (
@@ -57,9 +58,11 @@ def starting_state(pump: Pump, circuit: Circuit, inputs: Vector) -> tuple[Vector
     n = int(pump.piston.n)
     row, k_d = steady_inputs(inputs, n)
     u, Y, work = np.empty(N_UNKNOWNS), np.empty(len(OUTPUTS)), np.empty((WORK_ROWS, N_UNKNOWNS))
-    if not solve_cold(pump, circuit, row, k_d, u, Y, work):
+    if not solve_cold(pump, slipper_model(pump), circuit, row, k_d, u, Y, work):
         raise ValueError("no operating point to start from: ask for less flow or a healthier pump")
     ambient = row[at.AMBIENT] * PA_PER_BAR
+    if min(Y[at.DISCHARGE_PRESSURE], Y[at.CASE_PRESSURE], Y[at.CONTROL_PRESSURE]) < -row[at.AMBIENT]:
+        raise ValueError("no operating point to start from: an absolute pressure would lie below zero")
     P_s = row[at.RESERVOIR] * PA_PER_BAR + ambient
     alpha = min(float(u[U_TILT]), pump.swashplate.alpha_max)
     t, omega = np.tan(alpha), row[at.SPEED] * RAD_PER_S_PER_RPM

@@ -147,9 +147,9 @@ def solve_step(
     y[ALPHA_DOT] = w_new
     omega = y[OMEGA]
     y[THETA] += dt * omega
+    flows[TORQUE] += friction_torque(pump.drive, scene.viscous, Pd - Pc)
     if pump.drive.J > 0.0:
-        T = flows[TORQUE] + friction_torque(pump.drive, scene.mu_ratio, omega * scene.omega_ratio, Pd - Pc)
-        y[OMEGA] = speed_after(pump.drive, omega, scene.omega, T_start, T, dt)
+        y[OMEGA] = speed_after(pump.drive, omega, scene.omega, T_start, flows[TORQUE], dt)
     else:
         y[OMEGA] = scene.omega
     flows[Q_LOAD], flows[Q_DRAIN], flows[Q_RETURN], flows[Q_SYSTEM] = q_load, q_drain, q_ret, q_sys

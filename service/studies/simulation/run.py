@@ -16,6 +16,7 @@ from service.studies.simulation.scenario_file import ScenarioFaultsError, Scenar
 from service.studies.simulation.writer import record_writer
 from twin.parameters import PumpType
 from twin.pumps import PUMP_TYPES
+from twin.simulation.flight import quasi_steady
 from twin.simulation.instrumentation import HELICOPTER, TEST_BENCH, Instrumentation, SensorModel
 from twin.simulation.run import Run, Status, pieces
 
@@ -103,13 +104,18 @@ def run_file(
     """
     around = circuit_named_or_written(circuit)
     scenario = leaking(file.scenario, around.leak_lpm)
-    stream = pieces(
-        around.around(kind).pump,
-        around.circuit,
-        scenario,
-        sample_rate_hz=file.sample_rate_hz,
-        step_s=file.step_s,
-        adaptive=file.adaptive,
+    pump = around.around(kind).pump
+    stream = (
+        quasi_steady(pump, around.circuit, scenario, file.sample_rate_hz)
+        if scenario.quasi_steady
+        else pieces(
+            pump,
+            around.circuit,
+            scenario,
+            sample_rate_hz=file.sample_rate_hz,
+            step_s=file.step_s,
+            adaptive=file.adaptive,
+        )
     )
     try:
         run: Run | None = next(stream)

@@ -11,11 +11,12 @@ from service.ingest.metadata import KNOWN, checked_metadata
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, Condition, Health
 from twin.simulation.mechanisms import MECHANISMS, mechanism
 from twin.simulation.run import stepping
-from twin.simulation.scenario import STEP_RANGE_S, Scenario, Schedule, Value
+from twin.simulation.scenario import LONGEST_FLIGHT_S, LONGEST_RUN_S, STEP_RANGE_S, Scenario, Schedule, Value
 
 DEFAULT_RATE_HZ = 1000.0
 RATE_RANGE_HZ = (0.1, 1.0e6)
-LONGEST_S = 3600.0
+FORMS = ("transient", "quasi_steady")
+DEFAULT_FLIGHT_RATE_HZ = 10.0
 METADATA_KEYS = tuple(name for name in KNOWN if name not in ("pump_type", "pressure_reference", "ambient_pressure_bar"))
 """Keys of ``[metadata]``; the others follow from the simulation."""
 _KEYS = (
@@ -31,7 +32,9 @@ _KEYS = (
     "health",
     "changes",
     "metadata",
+    "form",
 )
+_TRANSIENT_ONLY = ("step_s", "adaptive", "mechanism")
 _INSTANTS = ("time_s", "flight_hours")
 
 
@@ -148,16 +151,28 @@ def read_scenario(text: str, n_pistons: int) -> ScenarioFile:
         raise ScenarioFaultsError([f"not a TOML file: {error}"]) from None
     reader = _Reader()
     reader.known("", data, _KEYS)
+    form = data.get("form", FORMS[0])
+    if form not in FORMS:
+        reader.faults.append(f"form = {form!r} (known: {', '.join(FORMS)})")
+    flight = form == FORMS[1]
+    longest = LONGEST_FLIGHT_S if flight else LONGEST_RUN_S
     duration = math.nan
     if "duration_s" in data:
         duration = reader.number("duration_s", data["duration_s"])
-        if duration <= 0.0 or duration > LONGEST_S:
-            reader.faults.append(f"duration_s = {duration:g} (allowed: above 0 to {LONGEST_S:g} s)")
+        if duration <= 0.0 or duration > longest:
+            reader.faults.append(f"duration_s = {duration:g} (allowed: above 0 to {longest:g} s)")
     else:
         reader.faults.append("duration_s: is missing")
-    rate = reader.bounded("sample_rate_hz", data.get("sample_rate_hz", DEFAULT_RATE_HZ), *RATE_RANGE_HZ, " Hz")
+    rate = reader.bounded(
+        "sample_rate_hz",
+        data.get("sample_rate_hz", DEFAULT_FLIGHT_RATE_HZ if flight else DEFAULT_RATE_HZ),
+        *RATE_RANGE_HZ,
+        " Hz",
+    )
     step = reader.bounded("step_s", data["step_s"], *STEP_RANGE_S, " s") if "step_s" in data else None
     adaptive = data.get("adaptive", False)
+    if flight:
+        reader.faults += [f"{key}: is for the transient form" for key in _TRANSIENT_ONLY if key in data]
     if not isinstance(adaptive, bool):
         reader.faults.append(f"adaptive: is {_kind(adaptive)}, neither true nor false")
     hours = reader.bounded("start_flight_hours", data.get("start_flight_hours", 0.0), 0.0, 1.0e6, " h")
@@ -166,12 +181,14 @@ def read_scenario(text: str, n_pistons: int) -> ScenarioFile:
     metadata = _metadata(reader, data)
     scenario = _scenario(reader, data, duration, hours)
     if scenario is not None:
+        scenario = replace(scenario, quasi_steady=flight)
+    if scenario is not None:
         # NaN stands for what has a fault already: healthy numbers in its place let the others be looked at
         try:
             _without_nan(scenario).table(n_pistons)
         except ValueError as problem:
             reader.faults += str(problem).removeprefix("the scenario cannot run: ").split("; ")
-        if not reader.faults and stepping(scenario, rate, 1.0)[0] > scenario.duration_s:
+        if not reader.faults and not flight and stepping(scenario, rate, 1.0)[0] > scenario.duration_s:
             reader.faults.append(f"sample_rate_hz = {rate:g} gives no sample within duration_s = {duration:g}")
     if reader.faults or scenario is None:
         raise ScenarioFaultsError(reader.faults)
@@ -228,14 +245,14 @@ def _without_nan(scenario: Scenario) -> Scenario:
     likely = Condition(3000.0, 50.0)
     condition = Condition(*(b if math.isnan(a) else a for a, b in zip(scenario.condition, likely, strict=True)))
     health = Health(*(b if math.isnan(a) else a for a, b in zip(scenario.health, Health(), strict=True)))
-    whole = 1.0 if not 0.0 < scenario.duration_s <= LONGEST_S else scenario.duration_s
+    whole = 1.0 if not 0.0 < scenario.duration_s <= LONGEST_FLIGHT_S else scenario.duration_s
     changes: dict[str, Value] = {}
     for name, change in scenario.changes.items():
         numbers = (*change.at, *change.values) if isinstance(change, Schedule) else (change,)
         if not any(math.isnan(v) for v in numbers):
             changes[name] = change
     hours = 0.0 if math.isnan(scenario.start_flight_hours) else scenario.start_flight_hours
-    return Scenario(whole, condition, health, changes, hours)
+    return Scenario(whole, condition, health, changes, hours, quasi_steady=scenario.quasi_steady)
 
 
 def _kind(value: Any) -> str:
