@@ -96,3 +96,44 @@ def export_fmu(
     if json_:
         document = {"output": str(output), "fmi": fmi, "pump_type": kind.name, "circuit": around.name}
         say_json(document | {"platform": platform})
+
+
+@app.command("test-programme", cls=Command)
+def programme(
+    test: Annotated[str, typer.Argument(help="A2 or A3 (steady, 50 and 100 degC), B2 or B3 (dynamic)")],
+    output: Annotated[Path, typer.Option(help="Folder for the files", file_okay=False)] = Path(),
+    pump: Annotated[str, typer.Option(help="Pump type: its name, or a file")] = "h225",
+    circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
+    json_: Json = False,
+) -> None:
+    """Run a test of the thesis' annex A-1 by its name on the simulated pump; exit code 1 if one stops early, 2 if wrong.
+
+    A2 and A3 write one CSV of 25 steady points, which `casedrain identify` reads; B2 and B3 eight records at 10 kHz. With
+    --json: {"test", "pump_type", "circuit", "files", "points": [{"number", "point", "speed_rpm", ..., "problem"}]}; of a
+    dynamic test a point has "number", "change", "duration_s" and "problem".
+    """
+    from rich.table import Table  # noqa: PLC0415 - heavy, and only here
+
+    from service.pump_types.parameter_files import circuit_named_or_written, named_or_written  # noqa: PLC0415
+    from service.studies.programme import run_test  # noqa: PLC0415
+
+    try:
+        kind, around = named_or_written(pump), circuit_named_or_written(circuit)
+        ran = run_test(test, kind, around, output)
+    except ValueError as error:
+        raise failure(str(error), 2) from None
+    except OSError as error:
+        raise failure(str(error)) from None
+    to = listener(json_)
+    table = Table(title=f"{test}: {kind.name} in {around.name}")
+    for heading in ran.points[0]:
+        table.add_column(heading)
+    for point in ran.points:
+        table.add_row(*("" if v is None else f"{v:.4g}" if isinstance(v, float) else str(v) for v in point.values()))
+    to.print(table)
+    say("; ".join(str(path) for path in ran.files), to=to)
+    if json_:
+        document = {"test": test, "pump_type": kind.name, "circuit": around.name, "files": [str(f) for f in ran.files]}
+        say_json(document | {"points": list(ran.points)})
+    if ran.stopped:
+        raise failure(f"stopped early: {'; '.join(ran.stopped)}")
