@@ -69,32 +69,40 @@ def sensitivity(
 def export_fmu(
     output: Annotated[Path, typer.Argument(help="FMU to write: .fmu", dir_okay=False)],
     fmi: Annotated[str, typer.Option(help="2.0 or 3.0; both are co-simulation")] = "3.0",
+    model: Annotated[
+        str, typer.Option(help="operating-point, or transient: the pump at its ports")
+    ] = "operating-point",
     pump: Annotated[str, typer.Option(help="Pump type: its name, or a file")] = "h225",
     circuit: Annotated[str, typer.Option(help="Circuit round the pump: its name, or a file")] = "shared_return",
     json_: Json = False,
 ) -> None:
-    """Write the operating point as an FMU that needs no Python: a table in C; exit code 2 if wrong.
+    """Write an FMU that needs no Python: the operating point as a table, or the transient pump; exit code 2 if wrong.
 
-    Inputs are speed, temperature, flow and reservoir pressure, parameters the health; outputs are the operating point's
-    and a status. With a C compiler it holds a binary of this machine beside the sources. With --json: {"output", "fmi",
-    "pump_type", "circuit", "platform"}; the platform is null without a compiler.
+    Operating point: inputs are speed, temperature, flow and reservoir pressure, parameters the health. Transient: ports of
+    shaft, suction, discharge, case and heat; parameters are the health and every number of pump and drain (SI). Both
+    have a status. With a C compiler it holds a binary of this machine beside the sources. With --json: {"output", "fmi",
+    "model", "pump_type", "circuit", "platform"}; the platform is null without a compiler.
     """
     from service.pump_types.parameter_files import circuit_named_or_written, named_or_written  # noqa: PLC0415
     from service.studies.fmu.export import export_fmu as export  # noqa: PLC0415 - heavy, and only here
+    from service.studies.fmu.transient import export_transient  # noqa: PLC0415
 
+    models = {"operating-point": export, "transient": export_transient}
+    if model not in models:
+        raise failure(f"--model {model}: is not one of {', '.join(models)}", 2)
     if output.suffix.lower() != ".fmu":
         raise failure(f"{output}: ends not in .fmu", 2)
     try:
         kind, around = named_or_written(pump), circuit_named_or_written(circuit)
-        platform = export(kind, around, fmi, output)
+        platform = models[model](kind, around, fmi, output)
     except ValueError as error:
         raise failure(str(error), 2) from None
     except OSError as error:
         raise failure(str(error)) from None
     words = f"with a binary for {platform}" if platform else "sources alone: there is no C compiler here"
-    say(f"{output}: FMI {fmi}, {kind.name} in {around.name}, {words}", to=listener(json_))
+    say(f"{output}: FMI {fmi}, {model} of {kind.name} in {around.name}, {words}", to=listener(json_))
     if json_:
-        document = {"output": str(output), "fmi": fmi, "pump_type": kind.name, "circuit": around.name}
+        document = {"output": str(output), "fmi": fmi, "model": model, "pump_type": kind.name, "circuit": around.name}
         say_json(document | {"platform": platform})
 
 
