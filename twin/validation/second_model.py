@@ -24,7 +24,8 @@ BAR = 1.0e5
 P_D, P_C, P_I, P_X, X, V, TILT, RATE = range(8)
 """Discharge, case, junction and control pressure [bar], spool [mm, m/s], tilt [rad, rad/s]; then the chambers [bar]."""
 N_STATES = 8
-_SCALE = np.array([BAR, BAR, BAR, BAR, 1.0e-3, 1.0, 1.0, 1.0])
+_TOLERANCE = 1.0e-5
+"""Of states in bar, mm and rad: ten times coarser moves the regulated pressure by 0.5 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +79,16 @@ class SecondPump:
         self.k_c = self.ci["k_c"] * (1.0 + self.ci["k_c_slope"] * warm) * where.drain_resistance_scale
         self.k_inf = self.ci["k_inf"] * (1.0 + self.ci["k_inf_slope"] * warm)
         self.K = self.ci["K"] * (1.0 + self.ci["K_slope"] * warm)
+        c, sv, root = self.c, self.sv, np.sqrt(2.0 / self.rho)
+        self._root = root
+        self._per_edge = c["C_q"] * c["w_edge"] * root
+        self._bleed = c["C_q"] * 0.25 * np.pi * c["d_bleed"] ** 2 * root
+        self._seal = np.pi * c["d_spool"] * c["c_spool"] ** 3 / 12.0 * (1.0 + 1.5 * c["e_rel"] ** 2)
+        d_s = np.sqrt(4.0 * sv["A_stroke"] / np.pi)
+        self._stroke = (
+            np.pi * d_s * sv["b_stroke"] ** 3 / (12.0 * sv["l_stroke"]) * (1.0 + 1.5 * sv["e_rel_stroke"] ** 2)
+        )
+        self._volumes = np.array([self.vol[name] for name in ("discharge", "case", "return_line", "control")])
         # 3-4 is explicit in the flow: its inverse by a table, once
         flows = np.concatenate(([0.0], np.geomspace(1.0e-4, 120.0, 4000))) * LPM
         drops = self.k_inf * flows**2 / np.tanh(np.maximum(flows, 1.0e-12) / self.K)
@@ -112,42 +123,31 @@ class SecondPump:
         area = self.pp["A_port"] * open_ * open_ * (3.0 - 2.0 * open_)
         return np.where(first, area, 0.0), np.where(first, 0.0, area)
 
-    def _edge(self, underlap: float, dP: float) -> float:
-        """Flow over a rounded metering edge [m3/s]: turbulent, its opening a hyperbola."""
-        c = self.c
-        round_ = c["c_edge"]
-        root = float(np.hypot(underlap, round_))
-        opening = 0.5 * (underlap + root) if underlap > 0.0 else 0.5 * round_**2 / (root - underlap)
-        return c["C_q"] * c["w_edge"] * opening * float(_signed_root(dP, 1.0e3)) * float(np.sqrt(2.0 / self.rho))
+    def opening(self, underlap: Vector) -> Vector:
+        """Opening of a rounded metering edge [m]: a hyperbola between the underlap and nothing."""
+        found: Vector = 0.5 * (underlap + np.hypot(underlap, self.c["c_edge"]))
+        return found
 
-    def control_flows(self, y: Vector, P_d: float, P_c: float) -> tuple[float, float]:
-        """Flows into the control volume and out of it [m3/s]."""
-        c, sv, P_x, x = self.c, self.sv, y[P_X] * BAR, y[X] * 1.0e-3
-        seal = np.pi * c["d_spool"] * c["c_spool"] ** 3 / 12.0 * (1.0 + 1.5 * c["e_rel"] ** 2)
-        mu_in, mu_out = (float(m) for m in (self.viscosity(P_d, P_x), self.viscosity(P_x, P_c)))
-        d_s = np.sqrt(4.0 * sv["A_stroke"] / np.pi)
-        stroke = np.pi * d_s * sv["b_stroke"] ** 3 / (12.0 * sv["l_stroke"]) * (1.0 + 1.5 * sv["e_rel_stroke"] ** 2)
-        inflow = self._edge(x - c["x_overlap"], P_d - P_x) + seal / (mu_in * c["l_seal_discharge"]) * (P_d - P_x)
-        bleed = (
-            c["C_q"]
-            * 0.25
-            * np.pi
-            * c["d_bleed"] ** 2
-            * np.sqrt(2.0 / self.rho)
-            * float(_signed_root(P_x - P_c, 1.0e3))
-        )
-        outflow = self._edge(-x - c["x_overlap"], P_x - P_c) + bleed
-        outflow += (seal / c["l_seal_case"] + stroke) / mu_out * (P_x - P_c)
-        return float(inflow), float(outflow)
+    def _edge(self, underlap: Vector, dP: Vector) -> Vector:
+        """Flow over a metering edge [m3/s]: turbulent."""
+        return self._per_edge * self.opening(underlap) * _signed_root(dP, 1.0e3)
+
+    def control_flows(self, y: Vector, mu_in: Vector, mu_out: Vector) -> tuple[Vector, Vector]:
+        """Flows into the control volume and out of it [m3/s], at the viscosities of both gaps."""
+        c, x = self.c, y[..., X] * 1.0e-3
+        P_d, P_c, P_x = y[..., P_D] * BAR, y[..., P_C] * BAR, y[..., P_X] * BAR
+        inflow = self._edge(x - c["x_overlap"], P_d - P_x) + self._seal / (mu_in * c["l_seal_discharge"]) * (P_d - P_x)
+        outflow = self._edge(-x - c["x_overlap"], P_x - P_c) + self._bleed * _signed_root(P_x - P_c, 1.0e3)
+        return inflow, outflow + (self._seal / c["l_seal_case"] + self._stroke) / mu_out * (P_x - P_c)
 
     def _chambers(self, y: Vector, angle: Vector) -> tuple[Vector, ...]:
         """Pressures, flows to discharge, from suction and into the case, volumes, and volume per tilt of all chambers."""
-        p, t = self.p, np.tan(y[TILT])
-        P_d, P_c = y[P_D] * BAR, y[P_C] * BAR
+        p, t = self.p, np.tan(y[..., TILT, None])
+        P_d, P_c = y[..., P_D, None] * BAR, y[..., P_C, None] * BAR
         cos, sin = np.cos(angle), np.sin(angle)
-        P = np.maximum(y[N_STATES:] * BAR, FLOOR)
+        P = np.maximum(y[..., N_STATES:] * BAR, FLOOR)
         to_d, from_s = self.windows(angle)
-        root = np.sqrt(2.0 / self.rho) * self.pp["C_q"]
+        root = self._root * self.pp["C_q"]
         out = root * to_d * _signed_root(P - P_d, self.pp["dP_laminar"])
         into = root * from_s * _signed_root(self.P_s - P, self.pp["dP_laminar"])
         mu = self.viscosity(P, P_c)
@@ -160,70 +160,69 @@ class SecondPump:
         turning = -self.area * p["R"] * t * sin * self.omega
         return P, out, into, self.scale * pocket + ring + drag, volume, per_tilt, turning
 
-    def circuit_flows(self, P_d: float, P_c: float, P_i: float) -> tuple[float, float, float]:
+    def circuit_flows(self, y: Vector) -> tuple[Vector, Vector, Vector]:
         """Leak of the system, drain and return line [m3/s]."""
+        P_d, P_c, P_i = y[..., P_D] * BAR, y[..., P_C] * BAR, y[..., P_I] * BAR
         counted = self.at.system_leakage_lpm * LPM / np.sqrt(175.0 * BAR)
-        leak = counted * float(_signed_root(P_d - self.P_s, 1.0e3))
-        drain = (P_c - P_i) / self.k_c
         over = P_i - self.P_s
-        return leak, drain, float(np.sign(over) * np.interp(abs(over), *self._line))
+        returned: Vector = np.sign(over) * np.interp(np.abs(over), *self._line)
+        return counted * _signed_root(P_d - self.P_s, 1.0e3), (P_c - P_i) / self.k_c, returned
 
     def rates(self, y: Vector, time: float) -> Vector:
-        """dy/dt [scaled states per second]."""
-        c, sv, sw = self.c, self.sv, self.sw
-        P_d, P_c, P_i, P_x = y[:4] * BAR
-        t, w, x = np.tan(y[TILT]), y[RATE], y[X] * 1.0e-3
+        """dy/dt [scaled states per second], y of shape (..., n_states): a Jacobian is one call."""
+        c, sv = self.c, self.sv
+        P_d, P_c, P_x = y[..., P_D] * BAR, y[..., P_C] * BAR, y[..., P_X] * BAR
+        t, w, x = np.tan(y[..., TILT]), y[..., RATE], y[..., X] * 1.0e-3
         P, out, into, leaked, volume, per_tilt, turning = self._chambers(y, self.omega * time + self.pistons)
-        density, slope = self.fluid(y[N_STATES:] * BAR)
-        inflow, outflow = self.control_flows(y, P_d, P_c)
-        leak, drain, returned = self.circuit_flows(P_d, P_c, P_i)
-        plate_d = self.plate / float(self.viscosity(P_d, P_c)) * (P_d - P_c)
-        plate_s = self.plate / float(self.viscosity(P_c, P_c)) * (self.P_s - P_c)
+        density, slope = self.fluid(y[..., N_STATES:] * BAR)
+        mu_in, mu_out, mu_d, mu_s = np.moveaxis(self.viscosity(
+            np.stack([P_d, P_x, P_d, P_c], axis=-1), np.stack([P_x, P_c, P_c, P_c], axis=-1)), -1, 0)  # fmt: skip
+        inflow, outflow = self.control_flows(y, mu_in, mu_out)
+        leak, drain, returned = self.circuit_flows(y)
+        plate_d, plate_s = self.plate / mu_d * (P_d - P_c), self.plate / mu_s * (self.P_s - P_c)
         load = self.at.discharge_flow_lpm * LPM
         arm = sv["A_stroke"] * sv["L_stroke"] * (1.0 + t * t)
         swept = -arm * w
-        stored = self.fluid(y[:4] * BAR)[1] * [
-            self.vol[name] for name in ("discharge", "case", "return_line", "control")
-        ]
         dy = np.empty_like(y)
-        dy[P_D] = out.sum() - load - leak - inflow - plate_d
-        dy[P_C] = leaked.sum() + plate_d + plate_s + outflow - drain + swept
-        dy[P_I] = load + leak + drain - returned
-        dy[P_X] = inflow - outflow - swept
-        dy[:4] /= stored
-        underlap, round_ = x - c["x_overlap"], c["c_edge"]
-        root = np.hypot(underlap, round_)
-        opening = 0.5 * (underlap + root) if underlap > 0.0 else 0.5 * round_**2 / (root - underlap)
-        jet = 2.0 * c["C_q"] * c["cos_jet"] * c["w_edge"] * opening * (P_d - P_x)
+        dy[..., P_D] = out.sum(axis=-1) - load - leak - inflow - plate_d
+        dy[..., P_C] = leaked.sum(axis=-1) + plate_d + plate_s + outflow - drain + swept
+        dy[..., P_I] = load + leak + drain - returned
+        dy[..., P_X] = inflow - outflow - swept
+        dy[..., :4] /= self.fluid(y[..., :4] * BAR)[1] * self._volumes * BAR
+        jet = 2.0 * c["C_q"] * c["cos_jet"] * c["w_edge"] * self.opening(x - c["x_overlap"]) * (P_d - P_x)
         preload = c["F_preload"] + self.at.pressure_setting_change_bar * BAR * c["A_spool"]
-        dy[X] = y[V]
-        dy[V] = ((P_d - P_c) * c["A_spool"] - preload - c["k_spool"] * x - jet - c["damping"] * y[V]) / c["m_spool"]
+        dy[..., X] = y[..., V] * 1.0e3
+        push = (P_d - P_c) * c["A_spool"] - preload - c["k_spool"] * x - jet
+        dy[..., V] = (push - c["damping"] * y[..., V]) / c["m_spool"]
         spring = (sv["F_rate"] + sv["k_rate"] * sv["L_rate"] * (self.t_max - t)) * sv["L_rate"] * (1.0 + t * t)
         inertia = 0.5 * self.n * self.p["m"] * (self.p["R"] * self.omega) ** 2 * t * (1.0 + t * t)
-        torque = (
-            float((per_tilt * (P - P_c)).sum()) + spring + inertia - arm * (P_x - P_c) + self._resisting(y, P_d, P_c, t)
-        )
+        torque = (per_tilt * (P - P_c[..., None])).sum(axis=-1) + spring + inertia - arm * (P_x - P_c)
         carried = (sv["m_stroke"] * sv["L_stroke"] ** 2 + sv["m_rate"] * sv["L_rate"] ** 2) * (1.0 + t * t) ** 2
-        dy[TILT], dy[RATE] = w, torque / (sw["J"] + carried)
-        dy[N_STATES:] = (into - out - leaked - density * (turning + per_tilt * w)) / (slope * volume)
-        dy[:N_STATES] /= _SCALE
-        dy[X] = y[V] * 1.0e3
-        dy[N_STATES:] /= BAR
+        dy[..., TILT], dy[..., RATE] = w, (torque + self._resisting(y, mu_d, t)) / (self.sw["J"] + carried)
+        grown = density * (turning + per_tilt * w[..., None])
+        dy[..., N_STATES:] = (into - out - leaked - grown) / (slope * volume * BAR)
         return dy
 
-    def _resisting(self, y: Vector, P_d: float, P_c: float, t: float) -> float:
+    def slopes(self, y: Vector, time: float) -> Vector:
+        """Jacobian of ``rates`` by forward differences, shape (n_states, n_states)."""
+        moves = 1.0e-7 * np.maximum(np.abs(y), 1.0e-2)
+        both = self.rates(np.vstack([y, y + np.diag(moves)]), time)
+        found: Vector = ((both[1:] - both[0]) / moves[:, None]).T
+        return found
+
+    def _resisting(self, y: Vector, mu: Vector, t: Vector) -> Vector:
         """Damping of the plate with its carried pistons, and the end stops [N m]."""
-        sv, sw, w = self.sv, self.sw, y[RATE]
-        mu = float(self.viscosity(P_d, P_c))
-        drag = 0.0
+        sv, sw, w = self.sv, self.sw, y[..., RATE]
+        drag = np.zeros_like(mu)
         for name in ("stroke", "rate"):
             d, b = np.sqrt(4.0 * sv[f"A_{name}"] / np.pi), sv[f"b_{name}"]
-            own = sv["viscous"] * np.pi * d * mu * sv[f"l_{name}"] / (b * np.sqrt(1.0 - sv[f"e_rel_{name}"] ** 2))
-            drag += own * (sv[f"L_{name}"] * (1.0 + t * t)) ** 2
-        beyond = max(y[TILT] - sw["alpha_max"], 0.0) + min(y[TILT] - sw["alpha_min"], 0.0)
+            own = sv["viscous"] * np.pi * d * sv[f"l_{name}"] / (b * np.sqrt(1.0 - sv[f"e_rel_{name}"] ** 2))
+            drag = drag + own * mu * (sv[f"L_{name}"] * (1.0 + t * t)) ** 2
+        beyond = np.maximum(y[..., TILT] - sw["alpha_max"], 0.0) + np.minimum(y[..., TILT] - sw["alpha_min"], 0.0)
         elastic = -sw["k_stop"] * beyond
-        damped = float(np.clip(sw["d_stop"] * w, -abs(elastic), abs(elastic)))
-        return elastic - damped - (sw["damping"] + drag) * w
+        damped = np.clip(sw["d_stop"] * w, -np.abs(elastic), np.abs(elastic))
+        resisting: Vector = elastic - damped - (sw["damping"] + drag) * w
+        return resisting
 
     def start(self, guess: Mapping[str, float]) -> Vector:
         """State near a steady one: pressures [bar gauge] and tilt [deg] of ``guess``; the spool balances the control flows."""
@@ -234,29 +233,30 @@ class SecondPump:
 
         def surplus(x: float) -> float:
             y[X] = x
-            inflow, outflow = self.control_flows(y, y[P_D] * BAR, y[P_C] * BAR)
-            return inflow - outflow
+            P_d, P_c, P_x = y[P_D] * BAR, y[P_C] * BAR, y[P_X] * BAR
+            inflow, outflow = self.control_flows(y, self.viscosity(P_d, P_x), self.viscosity(P_x, P_c))
+            return float(inflow - outflow)
 
         y[X] = brentq(surplus, -1.0, 3.0)
         pressed = np.mod(self.pistons, 2.0 * np.pi) < np.pi
         y[N_STATES:] = np.where(pressed, y[P_D], self.P_s / BAR)
         return y
 
-    def means(
-        self, guess: Mapping[str, float], settle: int = 25, revolutions: int = 4, per: int = 720
-    ) -> dict[str, float]:
-        """Means over whole revolutions: gauge pressures [bar], flows [L/min], hydraulic torque [N m], tilt [deg]."""
+    def means(self, guess: Mapping[str, float], settle: int = 12, per: int = 720) -> dict[str, float]:
+        """Means over one revolution after ``settle``: gauge pressures [bar], flows [L/min], hydraulic torque [N m], tilt [deg].
+
+        ``guess`` as of ``start``. No step is longer than two degrees, so that no opening port is passed over.
+        """
         period = 2.0 * np.pi / self.omega
-        instants = np.concatenate(([0.0], period * (settle + np.arange(1, per * revolutions + 1) / per)))
-        # no step longer than a degree: an opening port must not be passed over
+        instants = period * np.concatenate(([0.0], settle + np.arange(1, per + 1) / per))
         states = odeint(
-            self.rates, self.start(guess), instants, rtol=1.0e-6, atol=1.0e-6, hmax=period / 360.0, mxstep=2_000_000
-        )[1:]
-        drain = np.array([self.circuit_flows(*(s[:3] * BAR))[1] for s in states])
-        torque = []
-        for y, time in zip(states, instants[1:], strict=True):
-            P, *_, turning = self._chambers(y, self.omega * time + self.pistons)
-            torque.append(-float(((P - y[P_C] * BAR) * turning).sum()) / self.omega)
+            self.rates, self.start(guess), instants, Dfun=self.slopes, rtol=_TOLERANCE, atol=_TOLERANCE,
+            hmax=period / 180.0, mxstep=2_000_000,
+        )[1:]  # fmt: skip
+        angles = self.omega * instants[1:, None] + self.pistons
+        P, *_, turning = self._chambers(states, angles)
+        torque = -((P - states[:, P_C, None] * BAR) * turning).sum(axis=1) / self.omega
+        drain = self.circuit_flows(states)[1]
         gauge = states[:, :2].mean(axis=0) - self.P_amb / BAR
         return {
             "discharge_pressure_bar": float(gauge[0]),

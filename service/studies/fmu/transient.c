@@ -23,7 +23,7 @@ enum { RUNNING, DIVERGED };
 
 typedef struct {
     double v[N_VARIABLES], y[N_STATES], row[N_ROW], flows[N_FLOWS], flows_half[N_FLOWS];
-    double coarse[N_STATES], before[N_STATES], masses[4 + 2 * N_PISTONS], masses_coarse[4 + 2 * N_PISTONS];
+    double coarse[N_STATES], masses[4 + 2 * N_PISTONS], masses_coarse[4 + 2 * N_PISTONS];
     double clearances[2 * N_PISTONS], chambers[N_PISTONS * N_COLUMNS], A[36], b[6];
     T_parameters_Pump pump;
     T_parameters_Circuit circuit;
@@ -55,7 +55,7 @@ static void prepare(Model *m) {
 static bool step(Model *m, const T_scene_Scene *scene, double dt) {
     T_loop_Workspace ws = {
         {{m->clearances, N_PISTONS, 2}, {m->chambers, N_PISTONS, N_COLUMNS}, {m->A, 6, 6}, {m->b, 6}},
-        VEC(coarse), VEC(before), VEC(masses), VEC(masses_coarse), VEC(flows), VEC(flows_half)};
+        VEC(coarse), VEC(masses), VEC(masses_coarse), VEC(flows), VEC(flows_half)};
     m->y[P_I] = (m->v[1 + CASE_LINE_IN] + AMBIENT) * 1.0e5; /* the far end of the drain is the other model's */
     bool ok = loop_advance(m->pump, m->circuit, *scene, VEC(y), dt, 0.0, 1, ws);
     if (m->y[THETA] >= 6.283185307179586) m->y[THETA] -= 6.283185307179586;
