@@ -31,7 +31,12 @@ def test_it_imports_nothing_of_this_project() -> None:
         (Condition(4600.0, 50.0), Health()),
         (
             Condition(3300.0, 75.0, 1.2, 11.0),
-            Health(pump_leakage_scale=1.5, system_leakage_lpm=1.0, drain_resistance_scale=1.2, pressure_setting_change_bar=2.0),
+            Health(
+                pump_leakage_scale=1.5,
+                system_leakage_lpm=1.0,
+                drain_resistance_scale=1.2,
+                pressure_setting_change_bar=2.0,
+            ),
         ),
     ],
 )
