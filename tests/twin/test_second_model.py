@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import twin.validation.second_model as second_model
 from benchmarks.referee import problem
 from benchmarks.second_model import NOMINAL, compared, conditions
 from twin.condition import Condition, Health
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.layout import ALPHA, ALPHA_DOT, N_SHARED, P_D, THETA, V_SPOOL, X
 from twin.simulation.run import steady_run
+from twin.validation import second_model
 from twin.validation.second_model import SecondPump, Where
 
 PUMP, BENCH = pump_type("h225").pump, circuit_parameters("shared_return")
