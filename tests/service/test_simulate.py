@@ -88,9 +88,9 @@ def test_a_record_comes_back_through_ingest(suffix: str) -> None:
 
 
 def test_a_scenario_file_says_what_it_means() -> None:
-    file = read_scenario("start_flight_hours = 100\nadaptive = true\nstep_s = 5e-5\n" + SHORT, 9)
+    file = read_scenario("start_flight_hours = 100\nstep_s = 5e-5\n" + SHORT, 9)
     scenario = file.scenario
-    assert (file.sample_rate_hz, file.step_s, file.adaptive) == (2000.0, 5e-5, True)
+    assert (file.sample_rate_hz, file.step_s) == (2000.0, 5e-5)
     assert (scenario.condition.speed_rpm, scenario.condition.reservoir_pressure_bar) == (4600.0, 0.0)
     assert scenario.health.system_leakage_lpm == 0.5
     assert scenario.changes["slipper_gap_scale[2]"] == 1.2
@@ -128,7 +128,7 @@ def test_every_fault_is_in_one_message() -> None:
                 duration_s = -1
                 sample_rate_hz = 1e9
                 step_s = 1.0
-                adaptive = "yes"
+                adaptive = true
                 colour = "red"
                 severity = 2
                 [condition]
@@ -158,7 +158,7 @@ def test_every_fault_is_in_one_message() -> None:
         "duration_s = -1 (allowed: above 0 to 3600 s)",
         "sample_rate_hz = 1e+09 (allowed: 0.1 to 1e+06 Hz)",
         "step_s = 1 (allowed: 1e-07 to 0.0001 s)",
-        "adaptive: is a text, neither true nor false",
+        "adaptive: unknown key",
         "colour: unknown key (known: title, duration_s",
         "severity: needs a mechanism",
         "speed_rpm = 99999 (allowed: 200 to 8000 rpm)",

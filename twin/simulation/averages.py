@@ -16,8 +16,8 @@ STOPPED_AT, ANGLE, ELAPSED, INTEGRALS, BEGUN = 0, 1, 2, 3, 3 + N_MEAN
 N_REVOLUTION = BEGUN + N_MEAN
 """What is carried from step to step of a revolution: when the run stopped [s], angle after the last step [rad], time since
 the last whole revolution [s], integrals of the means since then, and the states that the last step ended with."""
-ENDED, TAKEN, REJECTED = range(3)
-"""Counts: revolutions that ended, steps taken, steps rejected."""
+ENDED, TAKEN = range(2)
+"""Counts: revolutions that ended, steps taken."""
 ROUNDING = 1.0e-9
 """Angle by which a sum of steps may miss a whole revolution [rad]."""
 
@@ -34,7 +34,7 @@ class Account(NamedTuple):
     means
         Cycle means, one row per revolution that ended, (m, FIRST_MEAN + N_MEAN); ``counts[ENDED]`` rows are filled.
     counts
-        Shape (3,).
+        Shape (2,).
     """
 
     keep: Matrix

@@ -11,11 +11,10 @@ from twin.laws.compressibility import P_FLOOR, pressure_of
 from twin.parameters import Circuit, Pump
 from twin.parts.piston import chamber_volume
 from twin.simulation import slippers
-from twin.simulation.averages import REJECTED, ROUNDING, STOPPED_AT, TAKEN, Account, average
+from twin.simulation.averages import ROUNDING, STOPPED_AT, TAKEN, Account, average
 from twin.simulation.film import lifted_volume
 from twin.simulation.layout import (
     ALPHA,
-    ALPHA_DOT,
     N_COLUMNS,
     N_FLOWS,
     N_SHARED,
@@ -29,8 +28,6 @@ from twin.simulation.layout import (
     P_D,
     P_I,
     THETA,
-    V_SPOOL,
-    X,
 )
 from twin.simulation.scene import N_SCENE, Scene, scene_of
 from twin.simulation.step import Scratch, Step, passages, solve_step
@@ -38,12 +35,11 @@ from twin.simulation.step import Scratch, Step, passages, solve_step
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-RUNNING, DIVERGED, CAVITATED, STEP_TOO_SHORT = 0, 1, 2, 3
+RUNNING, DIVERGED, CAVITATED = 0, 1, 2
 N_SAMPLE = N_SHARED + N_FLOWS
 """A sample: shared states, then the means of the flows since the sample before."""
 _CAVITY = 1.0e3
 """A shared volume this far below ``P_FLOOR`` [Pa] is starved: what it should deliver is not there."""
-_SHORTEST = 0.2e-6
 _BLOW_STEP = 1.0e-6
 """Step while a slipper slams down on the plate [s]."""
 _FINE_ANGLE = 0.005
@@ -51,13 +47,14 @@ _FINE_ANGLE = 0.005
 
 
 class Workspace(NamedTuple):
-    """What a run works on, made once, so that no step allocates: scratch of a step, states of the full step and before an
-    adaptive one, masses of the last half step and of the full one, flows of a step and of half of it.
+    """What a run works on, made once, so that no step allocates.
+
+    Scratch of a step, states of the full step, masses of the last half step and of the full one, flows of a step and of
+    half of it.
     """
 
     scratch: Scratch
     coarse: Vector
-    before: Vector
     masses: Vector
     masses_coarse: Vector
     flows: Vector
@@ -72,8 +69,8 @@ class Inputs(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """How a run goes on: from ``start`` [s] by ``n_steps`` samples, each of ``substeps`` steps of ``dt`` [s] or adaptive
-    ones; ``T_start`` is the pump's torque at the first instant [N m].
+    """How a run goes on: from ``start`` [s] by ``n_steps`` samples, each of ``substeps`` steps of ``dt`` [s];
+    ``T_start`` is the pump's torque at the first instant [N m].
     """
 
     start: float
@@ -81,7 +78,6 @@ class Pace(NamedTuple):
     n_steps: int
     substeps: int
     extrapolate: bool
-    adaptive: bool
     T_start: float
 
 
@@ -91,7 +87,6 @@ def workspace(n: int, m: int) -> Workspace:
     scratch = Scratch(np.ones((n, 2)), np.empty((n, N_COLUMNS)), np.empty((N_SOLVED, N_SOLVED)), np.empty(N_SOLVED))
     return Workspace(
         scratch,
-        np.empty(m),
         np.empty(m),
         np.empty(N_VOLUMES + 2 * n),
         np.empty(N_VOLUMES + 2 * n),
@@ -163,21 +158,6 @@ def advance(
 
 
 @compiled
-def step_error(y: Vector, coarse: Vector) -> float:
-    """Change that extrapolation made, over the tolerances 0.02 bar, 2 um, 20 urad and 0.5 % of speeds' scales [-].
-
-    ``y`` is the extrapolated, ``coarse`` the full step's state; the true error of ``y`` is far smaller.
-    """
-    worst = 0.0
-    for j in range(P_D, P_CTRL + 1):
-        worst = max(worst, abs(y[j] - coarse[j]) / 2.0e4)
-    worst = max(worst, abs(y[X] - coarse[X]) / 2.0e-5)
-    worst = max(worst, abs(y[V_SPOOL] - coarse[V_SPOOL]) / 0.05)
-    worst = max(worst, abs(y[ALPHA] - coarse[ALPHA]) / 1.0e-4)
-    return float(max(worst, abs(y[ALPHA_DOT] - coarse[ALPHA_DOT]) / 0.5))
-
-
-@compiled
 def _inputs_at(times: Vector, table: Matrix, time: float, segment: int, out: Vector) -> int:
     """Linear interpolation of the schedule; returns the segment, the last whose start is not after ``time``."""
     last = times.shape[0] - 1
@@ -226,9 +206,9 @@ def run_loop(
     """
     # unpacked once: taking an array out of a tuple counts references, which costs more than a chamber
     times, table = inputs_of
-    start, dt, n_steps, substeps, extrapolate, adaptive, T_start = pace
+    start, dt, n_steps, substeps, extrapolate, T_start = pace
     keep, samples, revolution, counts = account.keep, account.samples, account.revolution, account.counts
-    clearances, ch, coarse, before, flows = ws.scratch.clearances, ws.scratch.ch, ws.coarse, ws.before, ws.flows
+    clearances, ch, flows = ws.scratch.clearances, ws.scratch.ch, ws.flows
     n = ch.shape[0]
     inputs = np.empty(table.shape[1])
     segment = 0
@@ -239,50 +219,25 @@ def run_loop(
     fresh = segment
     constant = _is_constant(table, segment)
     interval = dt * substeps
-    h = dt
     whole = 2.0 * math.pi
-    lifted = pump.slipper.variable > 0.5
     pieces_left, step, blow = 0, dt, False
     through = np.empty(N_FLOWS)
     for i in range(n_steps):
-        end = start + (i + 1) * interval
         through[:] = 0.0
         j = 0
-        while True:
-            left = end - time
-            if adaptive:
-                if left <= 0.25 * _SHORTEST:
-                    break
-                n_left = math.ceil(left / h - 1.0e-9)
-                step = left / n_left
-                before[:] = y
-                blow = lifted and slippers.choose_substeps(pump, y, n, step, ch)
-            else:
-                if j == substeps:
-                    break
-                if pieces_left == 0:
-                    pieces_left, step, blow = _divided(pump, y, n, dt, ch)
-                if blow:
-                    slippers.choose_substeps(pump, y, n, step, ch)
+        while j < substeps:
+            if pieces_left == 0:
+                pieces_left, step, blow = _divided(pump, y, n, dt, ch)
+            if blow:
+                slippers.choose_substeps(pump, y, n, step, ch)
             segment = _inputs_at(times, table, time + 0.5 * step, segment, inputs)
             if segment != fresh or not constant:
                 scene = scene_of(pump, circuit, inputs)
                 _clearances(inputs, n, clearances)
                 fresh = segment
                 constant = _is_constant(table, segment)
-            ok = advance(pump, circuit, scene, y, step, T_start, extrapolate or adaptive, ws)
+            ok = advance(pump, circuit, scene, y, step, T_start, extrapolate, ws)
             counts[TAKEN] += 1
-            error = (step_error(y, coarse) if ok else math.inf) if adaptive else 0.0
-            if error > 1.0:
-                counts[REJECTED] += 1
-                y[:] = before
-                h = step * max(0.2, 0.8 / math.sqrt(error))
-                if h < _SHORTEST:
-                    revolution[STOPPED_AT] = time
-                    return STEP_TOO_SHORT
-                continue
-            if adaptive:
-                h = min(dt, step * min(1.5, 0.9 / math.sqrt(max(error, 1.0e-4))))
             time = time + step
             pieces_left -= 1
             if pieces_left <= 0:
@@ -299,9 +254,7 @@ def run_loop(
             average(y, time, step, flows, account)
             if y[THETA] >= whole - ROUNDING:
                 y[THETA] -= whole
-        time = end
-        if not adaptive:
-            time = start + (i + 1) * interval
+        time = start + (i + 1) * interval
         samples[i, :N_SHARED] = y[:N_SHARED]
         samples[i, N_SHARED:] = through
         if keep.shape[0] > i:

@@ -15,7 +15,7 @@ from twin.condition import Condition, Health
 from twin.parameters import Circuit, Pump
 from twin.parts.geometry import geometry_faults
 from twin.recording import Recording
-from twin.simulation.averages import ANGLE, BEGUN, ENDED, N_REVOLUTION, REJECTED, STOPPED_AT, TAKEN, Account
+from twin.simulation.averages import ANGLE, BEGUN, ENDED, N_REVOLUTION, STOPPED_AT, TAKEN, Account
 from twin.simulation.layout import (
     ALPHA,
     FIRST_MEAN,
@@ -33,7 +33,6 @@ from twin.simulation.loop import (
     DIVERGED,
     N_SAMPLE,
     RUNNING,
-    STEP_TOO_SHORT,
     Inputs,
     Pace,
     run_loop,
@@ -56,9 +55,8 @@ _PIECE_S = 0.25
 
 ADVICE: dict[int, str] = {
     RUNNING: "ran to its end",
-    DIVERGED: "the solution left the numbers: take a shorter step, or adaptive=True, and look at what happens there",
+    DIVERGED: "the solution left the numbers: take a shorter step and look at what happens there",
     CAVITATED: "a volume ran dry: the asked flow is more than the pump delivers, give the load as an opening instead",
-    STEP_TOO_SHORT: "no step was short enough: something strikes too hard there, soften the contact or take fixed steps",
 }
 
 
@@ -67,7 +65,6 @@ class Options(TypedDict, total=False):
 
     sample_rate_hz: float | None
     step_s: float | None
-    adaptive: bool
     extrapolate: bool
     keep_states: bool
     initial_state: Vector | None
@@ -86,15 +83,14 @@ class Status:
         Where it ended [s].
     worst_state
         The state farthest from its place when it failed, in words; empty when it went through.
-    n_steps, n_rejected
-        Steps taken, and tried again shorter (adaptive steps only).
+    n_steps
+        Steps taken.
     """
 
     code: int
     time_s: float
     worst_state: str
     n_steps: int
-    n_rejected: int
 
     @property
     def ok(self) -> bool:
@@ -172,7 +168,6 @@ def pieces(
     *,
     sample_rate_hz: float | None = None,
     step_s: float | None = None,
-    adaptive: bool = False,
     extrapolate: bool = True,
     keep_states: bool = False,
     initial_state: Vector | None = None,
@@ -186,8 +181,6 @@ def pieces(
         Rate of the output [Hz]; None keeps every step, a whole number of them per revolution.
     step_s
         Longest step [s], within ``STEP_RANGE_S``; None takes ``default_step``.
-    adaptive
-        Choose each step by the error that extrapolation shows; ``step_s`` stays the longest.
     extrapolate
         Second order by extrapolation; False gives the plain first-order step.
     keep_states
@@ -231,7 +224,7 @@ def pieces(
     revolution = np.zeros(N_REVOLUTION)
     revolution[ANGLE] = y[THETA]
     revolution[BEGUN : BEGUN + N_STATE_MEANS] = [*y[:N_VOLUMES], y[ALPHA]]
-    counts = np.zeros(3, dtype=np.int64)
+    counts = np.zeros(2, dtype=np.int64)
     fastest = table[:, at.SPEED].max() * RAD_PER_S_PER_RPM * 1.2
     for first in range(0, total, per_piece):
         m = min(per_piece, total - first)
@@ -240,7 +233,7 @@ def pieces(
         means = np.empty((math.ceil(m * interval * fastest / (2 * math.pi)) + 2, FIRST_MEAN + N_MEAN))
         counts[ENDED] = 0
         samples[:, 0] = np.nan
-        pace = Pace(first * interval, dt, m, substeps, extrapolate, adaptive, T_start)
+        pace = Pace(first * interval, dt, m, substeps, extrapolate, T_start)
         account = Account(keep, samples, revolution, means, counts)
         code = run_loop(pump, circuit, Inputs(times, table), y, pace, account, ws)
         done = m if code == RUNNING else int(np.flatnonzero(np.isnan(samples[:, 0]))[0])
@@ -250,7 +243,7 @@ def pieces(
         yield Run(
             recording_of(pump, scenario.title, times, table, instants, samples[:done]),
             cycle_means(times, table, means[: min(int(counts[ENDED]), len(means))]),
-            Status(code, float(ended), worst, int(counts[TAKEN]), int(counts[REJECTED])),
+            Status(code, float(ended), worst, int(counts[TAKEN])),
             keep[:done],
         )
         if code != RUNNING:

@@ -1,4 +1,4 @@
-"""What a comparison with published evidence is: rows of value beside reference, and curves that show it."""
+"""What a comparison with published evidence is: rows of value beside reference, tables, and curves that show it."""
 
 import math
 from dataclasses import dataclass, field
@@ -91,10 +91,21 @@ class Plot:
 
 
 @dataclass(frozen=True, slots=True)
+class Table:
+    """Published numbers and ours side by side, cells as text; the first column heads each row."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    caption: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Evidence:
-    """All rows and plots of one rig, with what was assumed and what is not explained."""
+    """All rows, plots and tables of one rig, with what was assumed and what is not explained."""
 
     title: str
     rows: tuple[Row, ...]
     plots: tuple[Plot, ...] = ()
     remarks: tuple[str, ...] = field(default_factory=tuple)
+    tables: tuple[Table, ...] = ()

@@ -1,1 +1,1 @@
-"""Functional mock-up units: the operating point for other people's simulations, without Python on the target."""
+"""Functional mock-up units for other people's simulations: operating point and transient pump, without Python on the target."""

@@ -114,7 +114,6 @@ def run_file(
             scenario,
             sample_rate_hz=file.sample_rate_hz,
             step_s=file.step_s,
-            adaptive=file.adaptive,
         )
     )
     try:

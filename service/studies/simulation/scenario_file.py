@@ -24,7 +24,6 @@ _KEYS = (
     "duration_s",
     "sample_rate_hz",
     "step_s",
-    "adaptive",
     "start_flight_hours",
     "mechanism",
     "severity",
@@ -34,7 +33,7 @@ _KEYS = (
     "metadata",
     "form",
 )
-_TRANSIENT_ONLY = ("step_s", "adaptive", "mechanism")
+_TRANSIENT_ONLY = ("step_s", "mechanism")
 _INSTANTS = ("time_s", "flight_hours")
 
 
@@ -56,8 +55,6 @@ class ScenarioFile:
         Rate of the record [Hz].
     step_s
         Longest step [s]; None takes the twin's own.
-    adaptive
-        Whether each step is chosen by its error.
     metadata
         Metadata of the flight record as texts.
     """
@@ -65,7 +62,6 @@ class ScenarioFile:
     scenario: Scenario
     sample_rate_hz: float
     step_s: float | None
-    adaptive: bool
     metadata: Mapping[str, str]
 
 
@@ -170,11 +166,8 @@ def read_scenario(text: str, n_pistons: int) -> ScenarioFile:
         " Hz",
     )
     step = reader.bounded("step_s", data["step_s"], *STEP_RANGE_S, " s") if "step_s" in data else None
-    adaptive = data.get("adaptive", False)
     if flight:
         reader.faults += [f"{key}: is for the transient form" for key in _TRANSIENT_ONLY if key in data]
-    if not isinstance(adaptive, bool):
-        reader.faults.append(f"adaptive: is {_kind(adaptive)}, neither true nor false")
     hours = reader.bounded("start_flight_hours", data.get("start_flight_hours", 0.0), 0.0, 1.0e6, " h")
     if hours > 0.0 and "flight_hours" not in reader.section(data, "metadata"):
         data["metadata"] = {**reader.section(data, "metadata"), "flight_hours": hours}
@@ -192,7 +185,7 @@ def read_scenario(text: str, n_pistons: int) -> ScenarioFile:
             reader.faults.append(f"sample_rate_hz = {rate:g} gives no sample within duration_s = {duration:g}")
     if reader.faults or scenario is None:
         raise ScenarioFaultsError(reader.faults)
-    return ScenarioFile(scenario, rate, step, adaptive, metadata)
+    return ScenarioFile(scenario, rate, step, metadata)
 
 
 def _scenario(reader: _Reader, data: dict[str, Any], duration_s: float, hours: float) -> Scenario | None:

@@ -109,6 +109,7 @@ def report_html(evidence: Mapping[str, Evidence]) -> str:
                 for i, p in enumerate(e.plots)
             ],
             "remarks": e.remarks,
+            "tables": e.tables,
         }
         for name, e in evidence.items()
     ]
