@@ -136,7 +136,7 @@ class Bank:
             if row > 0:
                 self.filters.kind[row], self.filters.shape[row] = names.index(ARRIVAL_KINDS[row - 1]), ARRIVAL
             self._begin(row)
-        self._rebase()
+        self.rebase()
 
     def _begin(self, row: int) -> None:
         """Set a filter that is alive from the first record to its prior."""
@@ -232,7 +232,7 @@ class Bank:
             self.ended, self.resolving = self.resolving, HEALTHY
         take_over(filters, likeliest, FAULT_KINDS[filters.kind[likeliest]].moves)
         self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
-        self._rebase()
+        self.rebase()
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
@@ -273,7 +273,7 @@ class Bank:
         filters.log_evidence[rows] += before - filters.log_evidence[0]
         filters.log_evidence[:n] -= filters.log_evidence[:n].max()
 
-    def _rebase(self) -> None:
+    def rebase(self) -> None:
         """Let the history that fits go back to begin here; what set in before keeps the filter that it has."""
         self.base = Base(self.filters.mean[0].copy(), self.filters.covariance[0].copy(), self.records)
         self.learnt.clear()
@@ -364,7 +364,7 @@ class Bank:
             # the compensator was opened: it regulates as it does now
             self.regulation = Regulation()
         if took_over:
-            self._rebase()
+            self.rebase()
         mean, sd = prior(self.pump)
         for name, like_before in freed.items():
             if like_before is not None:
