@@ -70,7 +70,9 @@ def main(options: Sequence[str] | None = None) -> None:
                 found.append({"row": row.name, "bursts": burst, "pairs": len(pairs), **_summary(row, pairs)})
                 print(json.dumps(found[-1], indent=1), flush=True)
                 with open(given.out, "w", encoding="utf-8") as file:
-                    json.dump({"seed": given.seed, "flights": FLIGHTS, "exchanged_at": AT, "rows": found}, file, indent=1)
+                    json.dump(
+                        {"seed": given.seed, "flights": FLIGHTS, "exchanged_at": AT, "rows": found}, file, indent=1
+                    )
 
 
 def _chunk(task: tuple[Row, Reality, bool, int, int]) -> list[dict[str, dict[str, Any]]]:
@@ -82,17 +84,13 @@ def _chunk(task: tuple[Row, Reality, bool, int, int]) -> list[dict[str, dict[str
         courses = (Course(row.kind, row.amount * np.clip((flight - 9) / 40, 0.0, 1.0) * first),)
     elif row.kind is not None:
         courses = (Course(row.kind, row.amount * np.where(first, (flight >= 30) & (flight < AT), flight >= AT)),)
-    flown = fleet(
-        reality, PUMP, CIRCUIT, rng, 2 * CHUNK, FLIGHTS, courses, moved_at=AT, exchanged=True
-    )
+    flown = fleet(reality, PUMP, CIRCUIT, rng, 2 * CHUNK, FLIGHTS, courses, moved_at=AT, exchanged=True)
     seen = histories(flown, PUMP, Sensing(burst=burst), rng, AT, exchanged=True)
     thresholds = effective({})
     ways = {
         "alone": [assess(h, PUMP, CIRCUIT, thresholds) for h in seen],
         "together": [
-            a
-            for i in range(CHUNK)
-            for a in assess_together([seen[i], seen[i + CHUNK]], PUMP, CIRCUIT, thresholds)
+            a for i in range(CHUNK) for a in assess_together([seen[i], seen[i + CHUNK]], PUMP, CIRCUIT, thresholds)
         ],
     }
     # one pair after the other, as they were judged

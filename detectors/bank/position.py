@@ -4,6 +4,7 @@ Drain, leak of the circuit, fluid and sensors stay when a pump is exchanged. Its
 common error is handed on, that of the pump is left out. What may be wrong with them is handed on as hypotheses beside.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,8 +66,12 @@ class Position:
     @property
     def wrong(self) -> float:
         """Probability that something is wrong with the position itself."""
-        odds = sum(np.exp(0.5 * (f.stated + f.alike)) for f in self.faults)
-        return float(odds / (1.0 + odds))
+        return 1.0 / (1.0 + math.exp(-self.log_odds))
+
+    @property
+    def log_odds(self) -> float:
+        """Log odds of something being wrong with the position itself [nat]."""
+        return math.log(max(sum(math.exp(0.5 * (f.stated + f.alike)) for f in self.faults), 1.0e-12))
 
 
 def position_of(bank: Bank, whole: Array, by_prior: Array) -> Position:
@@ -128,6 +133,29 @@ def settle(bank: Bank, known: Position) -> None:
         filters.prior[row] = filters.prior[0] + (fault.stated, fault.alike)
         filters.scale[row], filters.shown[row], filters.misfit[row] = KINDS.scales[fault.kind], fault.shown, 0.0
         bank.n += 1
+    bank.rebase()
+
+
+def log_odds_of(bank: Bank, whole: Array, onset: int) -> float:
+    """Log odds of what was wrong with the position when its pump came, by filters of this onset [nat].
+
+    ``whole`` are the posterior shares of the filters, shape (m,).
+    """
+    filters, n = bank.filters, bank.n
+    rows = (_STAYS[filters.kind[:n]] >= 0) & (filters.onset[:n] == onset)
+    share = min(max(float(whole[rows].sum()), 1.0e-12), 1.0 - 1.0e-12)
+    return math.log(share / (1.0 - share))
+
+
+def exonerate(bank: Bank, before: int, log_ratio: float) -> None:
+    """Weigh what was wrong before record ``before``: the position, which was left then, or the pump, which is here.
+
+    ``log_ratio`` is how far what was seen elsewhere speaks for the position [nat]; against it, where it is negative.
+    """
+    filters, n = bank.filters, bank.n
+    rows = (_IS_PUMPS[filters.kind[:n]] | (filters.shape[:n] == ARRIVAL)) & (filters.onset[:n] < before)
+    filters.log_evidence[:n][rows] -= log_ratio
+    filters.log_evidence[:n] -= filters.log_evidence[:n].max()
     bank.rebase()
 
 

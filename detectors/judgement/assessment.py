@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from detectors.bank.bank import FIRST_ONSETS, HEALTHY, SPAWN_EVERY, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.measurement import Measured, measured_windows
-from detectors.bank.position import settle
+from detectors.bank.position import exonerate, settle
 from detectors.bank.prediction import CASE
 from detectors.bank.window import Measurement
 from detectors.expectation.anchor import anchors, reference_condition
@@ -21,11 +21,14 @@ from detectors.judgement.events import MOVED, due, freed_by, viscosity_of
 from detectors.judgement.handover import (
     EXCHANGED,
     FEWEST_RECORDS,
+    FromOthers,
     Handover,
+    Inherited,
     Left,
     freed_of_position,
     handed_over,
     left_at,
+    survival_of,
     with_left,
 )
 from detectors.judgement.isolation import (
@@ -57,7 +60,8 @@ from detectors.words.verdict import Assessment, CasePressure, Estimate, Fit, Qua
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
-_NONE: Mapping[str, Handover] = {}
+_NOTHING = FromOthers()
+_ALONE: Mapping[str, FromOthers] = {}
 _LIKELY = 0.5
 """Probability that something is wrong with a position from which the alarm goes on for the next pump there."""
 
@@ -121,6 +125,7 @@ class Fold:
     at_place: int | None = None
     place_records: int = 0
     left: tuple[Left, ...] = ()
+    inherited: Inherited | None = None
     rejected: int = 0
     outside_curve: dict[str, int] = field(default_factory=dict)
     supplemented: bool = False
@@ -144,7 +149,7 @@ class Fold:
         roles: Roles,
         history: History,
         earlier: Sequence[Observation] = (),
-        handovers: Mapping[str, Handover] = _NONE,
+        others: Mapping[str, FromOthers] = _ALONE,
     ) -> Iterator[Assessment]:
         """Take what follows, one assessment per observation.
 
@@ -158,8 +163,8 @@ class Fold:
             Maintenance and installations count; its observations are not looked at.
         earlier
             Of the observations that were taken already those that later bursts add to.
-        handovers
-            By record with which a stay begins: what the pump before has learnt of the position.
+        others
+            What records take over from other pumps, by record.
         """
         bursts: dict[str, list[Observation]] = {}
         for observation in observations:
@@ -169,12 +174,7 @@ class Fold:
         measured = measured_windows(judged, bursts, self.pump, self.circuit, self.healthy)
         supplements = {burst: m for found in measured.values() for burst, m in found.supplements.items()}
         for observation in observations:
-            handover = handovers.get(observation.record_id)
-            if self.latest is not None:
-                self.pass_over(self.latest, observation, history, handover)
-            elif handover is not None:
-                self._arrive(observation, history, handover)
-                self._do(due(history.maintenance, handover.at, observation.at))
+            self._meet(observation, history, others.get(observation.record_id, _NOTHING))
             self.latest = Latest(observation.at, observation.aircraft, observation.position)
             self.rejected += sum(not w.accepted for w in observation.reduction.windows)
             found = measured.get(observation.record_id)
@@ -222,9 +222,15 @@ class Fold:
         """Records that a baseline still needs; none or less when it stands."""
         return int(self.thresholds["baseline_records"]) - self.used
 
-    def begins_a_stay(self, observation: Observation, history: History) -> bool:
-        """Whether a record is the pump's first at its position, or the first after it was put in there again."""
-        return self.latest is None or _has_moved(self.latest, observation, history)
+    def _meet(self, observation: Observation, history: History, others: FromOthers) -> None:
+        """What happened before a record, to this pump and with others."""
+        if self.latest is not None:
+            self.pass_over(self.latest, observation, history, others.handover)
+        elif others.handover is not None:
+            self._arrive(observation, history, others.handover)
+            self._do(due(history.maintenance, others.handover.at, observation.at))
+        if others.survival is not None and self.left:
+            exonerate(self.bank, self.left[-1].records, others.survival)
 
     def pass_over(
         self, previous: Latest, observation: Observation, history: History, handover: Handover | None = None
@@ -233,7 +239,7 @@ class Fold:
         done = due(history.maintenance, previous.at, observation.at)
         moved = _has_moved(previous, observation, history)
         if moved:
-            left = Left(previous.aircraft, previous.position, self.handover(done))
+            left = Left(previous.aircraft, previous.position, self.handover(done), self.bank.records)
             self.left = with_left(self.left, left)
             self.bank.reset(MOVED, cures=False)
             self.memory = self.memory.moved()
@@ -250,10 +256,14 @@ class Fold:
             raise ValueError("nothing was learnt yet: no record has been taken")
         return handed_over(self.bank, self.thresholds, self.latest.at, self.place_records, done)
 
+    def survival(self) -> float | None:
+        """How far its records speak for what it took over being wrong with its position [nat]; None where it took over nothing."""
+        return survival_of(self.bank, self.thresholds, self.inherited)
+
     def _arrive(self, observation: Observation, history: History, handover: Handover | None) -> None:
         """At a position: with what the pump before has learnt there, or this one itself when it left; else with nothing."""
         known = handover or left_at(self.left, observation.aircraft, observation.position)
-        self.at_place, self.place_records, self.touched = 0, 0, True
+        self.at_place, self.place_records, self.touched, self.inherited = 0, 0, True, None
         if known is None or known.records < FEWEST_RECORDS:
             self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
             return
@@ -263,6 +273,7 @@ class Fold:
             self.alarm = replace(self.alarm, raised=True)
         if handover is None:
             return
+        self.inherited = Inherited(known.at, self.bank.records - 1, known.position.log_odds)
         exchanged = max((t for t in history.installed_at if known.at < t <= observation.at), default=observation.at)
         self.memory = self.memory.done(EXCHANGED, exchanged)
         self.bank.ended = known.position.blamed
