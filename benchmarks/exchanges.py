@@ -90,7 +90,9 @@ def _chunk(task: tuple[Row, Reality, bool, int, int]) -> list[dict[str, dict[str
     ways = {
         "alone": [assess(h, PUMP, CIRCUIT, thresholds) for h in seen],
         "together": [
-            a for i in range(CHUNK) for a in assess_together([seen[i], seen[i + CHUNK]], PUMP, CIRCUIT, thresholds)
+            j.assessments
+            for i in range(CHUNK)
+            for j in assess_together([seen[i], seen[i + CHUNK]], PUMP, CIRCUIT, thresholds)
         ],
     }
     # one pair after the other, as they were judged

@@ -41,9 +41,10 @@ from detectors.judgement.isolation import (
     explained_by,
     fitting,
     leading_sensor,
+    showing,
     suspect,
 )
-from detectors.judgement.memory import Memory
+from detectors.judgement.memory import ON_THIS_RECORD, Memory
 from detectors.judgement.plausibility import (
     IMPLAUSIBLE_FLIGHTS,
     Doubt,
@@ -52,7 +53,7 @@ from detectors.judgement.plausibility import (
     doubt,
     is_saturated,
 )
-from detectors.judgement.readings import lower_bound, measured_trend
+from detectors.judgement.readings import lower_bound, measured_trend, quality_of
 from detectors.judgement.verdicts import Context, implausible, verdict_of
 from detectors.words.flights import Roles, outline_of, roles_of
 from detectors.words.observation import History, Maintenance, Observation
@@ -313,7 +314,7 @@ class Fold:
     def conclude(self, observation: Observation) -> Verdict:
         """The verdict after this observation; a record that taught nothing repeats the last one."""
         previous = self.verdict
-        quality = self._quality()
+        quality = quality_of(self.used, self.rejected, self.coverage, (self.doubtful, self.doubts), self.outside_curve)
         unchanged = previous is not None and previous.quality.records_used == self.used and not self.supplemented
         self.supplemented = False
         if previous is None or not unchanged:
@@ -381,31 +382,9 @@ class Fold:
             self.memory = self.memory.ended(FAULT_KINDS[self.bank.ended].state)
             self.bank.ended = HEALTHY
         if self.used:
-            self.memory = self.memory.after(suspect(decision, found), observation.at)
-
-    def _quality(self) -> Quality:
-        used, flags = self.used, []
-        without_zero, without_reservoir = used - self.coverage.zeros, used - self.coverage.reservoirs
-        if without_zero:
-            flags.append(
-                f"no pump-off zero in {without_zero} of {used} records: the case sensor's offset is carried as unknown"
-            )
-        reservoir = "measured"
-        if without_reservoir:
-            reservoir = "nominal" if without_reservoir == used else "mixed"
-            flags.append(
-                f"reservoir pressure not measured in {without_reservoir} of {used} records: "
-                "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
-            )
-        if self.doubtful is not None:
-            flags.append(
-                f"{self.doubtful.channel} {self.doubtful.why}: the last {self.doubts} record(s) are no evidence for pump or circuit"
-            )
-        flags += [
-            f"{n} of {used} records outside the measured healthy curve ({why}): judged against the twin"
-            for why, n in sorted(self.outside_curve.items())
-        ]
-        return Quality(used, self.rejected, reservoir, tuple(flags))
+            leader = suspect(decision, found)
+            shows = ON_THIS_RECORD if leader is None else showing(self.bank, found, leader)
+            self.memory = self.memory.after(leader, observation.at, shows)
 
 
 def _has_moved(previous: Latest, observation: Observation, history: History) -> bool:

@@ -12,6 +12,7 @@ from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.shapes import AS_STATED, N_MOMENTS, N_WAYS, ON_OFF, REMEMBERED, WHOLE, Array, Meaning, Sums
 from detectors.bank.summary import summed
 from detectors.bank.tables import ARRIVAL_FLOOR_LPM
+from detectors.judgement.memory import ON_THIS_RECORD, Showing
 from detectors.words.verdict import CAUSES, FAULTS, SIDE_OF, Fit, Intermittent, Side, State
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
@@ -228,6 +229,21 @@ def coming_and_going(bank: Bank, found: Evidence, state: State, since: datetime 
     asked = min(bank.records - int(filters.onset[leading]), REMEMBERED)
     shown = (int(filters.shown[leading]) & (2**asked - 1)).bit_count()
     return Intermittent(FAULT_KINDS[filters.kind[leading]].state, shown, asked, since)
+
+
+def showing(bank: Bank, found: Evidence, state: State) -> Showing:
+    """On which of the last records the fault that leads the alarm shows: on all of them unless it comes and goes."""
+    filters, kinds = bank.filters, bank.filters.kind[: bank.n]
+    rows = [f for f, k in enumerate(kinds.tolist()) if k >= 0 and FAULT_KINDS[k].state is state]
+    if not rows:
+        return ON_THIS_RECORD
+    leading = max(rows, key=lambda f: found.weights[f])
+    if filters.shape[leading] != ON_OFF:
+        return ON_THIS_RECORD
+    asked = min(bank.records - int(filters.onset[leading]), REMEMBERED)
+    shown = int(filters.shown[leading]) & (2**asked - 1)
+    # bits before this record, from the first one on which it showed
+    return Showing(bool(shown & 1), (shown >> 1).bit_count(), max(shown.bit_length() - 1, 0))
 
 
 def leading_sensor(bank: Bank, found: Evidence) -> str | None:

@@ -87,13 +87,21 @@ def sources_of(own: Sequence[Seat], there: Mapping[Place, Sequence[Seat]], insta
     return Sources(arrivals, hindsights)
 
 
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """Assessments of one pump in event order, and what its records took over from others, by record."""
+
+    assessments: tuple[Assessment, ...]
+    others: Mapping[str, FromOthers]
+
+
 def assess_together(
     histories: Sequence[History],
     pump: PumpType,
     circuit: Circuit,
     thresholds: Mapping[str, float],
     healthy: HealthyCurve | None = None,
-) -> tuple[tuple[Assessment, ...], ...]:
+) -> tuple[Judged, ...]:
     """Assess pumps of one operator, of one type in one kind of circuit, that may have shared positions.
 
     Parameters
@@ -104,7 +112,7 @@ def assess_together(
     Returns
     -------
     tuple
-        Assessments of each pump, in event order.
+        One for each pump.
     """
     folds = [Fold(pump, circuit, thresholds, healthy) for _ in histories]
     sequences = [sorted(h.observations, key=lambda o: (o.at, o.record_id)) for h in histories]
@@ -134,4 +142,4 @@ def assess_together(
         found[i].append(next(running[i]))
         if (i, record_id) in wanted:
             learnt[i, record_id] = folds[i].handover(), folds[i].survival()
-    return tuple(tuple(assessments) for assessments in found)
+    return tuple(Judged(tuple(a), taken) for a, taken in zip(found, given, strict=True))

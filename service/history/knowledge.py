@@ -15,7 +15,7 @@ from service.history.analysis import RecordAnalysis, analysed, analysis_key, mar
 from service.history.archive import Archive
 from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, names_alike, remarks_on
 from service.history.healthy_curves import healthy_curve
-from service.history.known import Known, Observations, PlacedRecord
+from service.history.known import ALONE, Known, Observations, Others, PlacedRecord
 from service.history.neighbours import copied_elsewhere, counting, look_alikes, place_taken, said_by
 from service.history.placement import Interval, Place, changes, place_at
 from service.history.setting import Setting, setting_at
@@ -44,7 +44,8 @@ class Knowledge:
 
     ``anew`` holds the analyses that differ from the stored ones, by record: other thresholds, surroundings or
     pump type than they were made with. ``flight_hours`` are those of the records that state them. ``copies`` are
-    records whose samples are another's, which are evidence of nothing.
+    records whose samples are another's, which are evidence of nothing. ``others`` gives what records take over from other
+    pumps: nothing until somebody has looked for them (``service.monitoring.succession``).
     """
 
     known: Known
@@ -53,6 +54,7 @@ class Knowledge:
     anew: Mapping[str, RecordAnalysis]
     flight_hours: Mapping[str, float]
     copies: frozenset[str]
+    others: Others = ALONE
 
     def observations(self, session: Session) -> Observations:
         """What reads the observations of records from the database."""
@@ -118,7 +120,7 @@ def knowledge(
     marks = marks_of(session, pump.id, known_at)
     older = [row.id for row in rows if row.reduction_digest is None]
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
-    maintenance = _maintenance(session, pump.id, known_at)
+    maintenance = maintenance_of(session, pump.id, known_at)
     own = [said_by(pump.serial, row) for row in rows]
     remarks, again = remarks_on(own, _elsewhere(rows), maintenance), copies(own)
     for row in rows:
@@ -238,7 +240,7 @@ def entries(
     return session.scalars(query.order_by(table.row_id)).all()
 
 
-def _maintenance(session: Session, pump_id: int, known_at: datetime | None) -> tuple[Maintenance, ...]:
+def maintenance_of(session: Session, pump_id: int, known_at: datetime | None) -> tuple[Maintenance, ...]:
     """What was done to a pump, in an order that does not depend on when it was entered."""
     found = entries(session, MaintenanceEvent, pump_id, known_at)
     events = (Maintenance(e.at, e.action, e.fluid, e.channel) for e in found)
@@ -263,7 +265,7 @@ def installation_intervals(session: Session, pump_id: int, known_at: datetime | 
 def registry_values(
     session: Session, operator: str, kind: str, name: str, known_at: datetime | None = None
 ) -> dict[str, Any]:
-    """What the registry says of a pump or an aircraft; empty where nobody has said anything."""
+    """What the registry says of a pump or an aircraft; empty where ALONE has said anything."""
     query = select(RegistryVersion.values).where(
         RegistryVersion.operator == operator, RegistryVersion.kind == kind, RegistryVersion.name == name
     )

@@ -46,7 +46,8 @@ def _of_piece(known: Known, first: int, end: int, versions: tuple[object, ...]) 
         outline = here.outline
         names = (outline.record_id, outline.aircraft, outline.position, outline.flight_id, outline.segment)
         role = (outline.record_id in roles.counted, roles.adds_to.get(outline.record_id))
-        links.append(_link(links[-1], outline.at.isoformat(), names, here.digest, role, events))
+        borrowed = known.borrowed.get(outline.record_id, ())
+        links.append(_link(links[-1], outline.at.isoformat(), names, here.digest, role, events, borrowed))
     return links[1:]
 
 

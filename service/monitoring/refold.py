@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 
 import structlog
 from sqlalchemy import delete, select
@@ -24,9 +25,10 @@ from service.monitoring import snapshots
 from service.monitoring.chain import chain
 from service.monitoring.fold import fold, steps
 from service.monitoring.precedence import left_to_newer, take_over
+from service.monitoring.succession import successors, with_neighbours
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
-from service.storage.database import Database
+from service.storage.database import Database, afterwards
 from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment, VerdictRevision
 
 
@@ -70,7 +72,7 @@ def refold(
         return
     _outline_older(session, pump)
     pump.look = pump.look or look_of(pump.serial)
-    found = knowledge(session, pump, archive)
+    found = with_neighbours(session, pump, archive, knowledge(session, pump, archive))
     if found.anew:
         for row in session.scalars(select(Record).where(Record.id.in_(found.anew))):
             keep_analysis(row, found.anew[row.id])
@@ -103,6 +105,28 @@ def refold(
     after = {a.record_id: (a.at, a.verdict.state.value) for a in assessments}
     session.add_all(_revisions(pump, before, after, cause))
     follow(session, pump, found.thresholds.values)
+    touched = {(row.at, row.aircraft, row.position) for i, row in stored.items() if i in gone}
+    touched |= {(placed[i].at, placed[i].aircraft, placed[i].position) for i in changed}
+    _tell_neighbours(session, pump, archive, touched)
+
+
+def _tell_neighbours(
+    session: Session,
+    pump: Pump,
+    archive: Archive,
+    changed: Collection[tuple[datetime, str, str]],
+) -> None:
+    """Have other pumps folded anew, once this change is kept, whose verdicts may rest on what has changed of this one's.
+
+    ``changed`` are instant, aircraft and position of every record whose verdict was made anew or is gone.
+    """
+    if not changed:
+        return
+    places = {(aircraft, position) for _, aircraft, position in changed}
+    others = successors(session, pump, places, min(at for at, _, _ in changed))
+    if others:
+        cause = Cause("neighbour_changed", pump.serial)
+        afterwards(session, partial(refold_others, archive=archive, pump_ids=others, cause=cause))
 
 
 def refold_others(database: Database, archive: Archive, pump_ids: Collection[int], cause: Cause) -> None:
@@ -131,8 +155,8 @@ def verdict_known_at(
     Unavailable
         when a record must be analysed as it was then and its raw bytes are gone.
     """
-    found = knowledge(session, pump, archive, known_at)
-    assessments = [a for a in fold(found.known, found.observations(session)) if at is None or a.at <= at]
+    found = with_neighbours(session, pump, archive, knowledge(session, pump, archive, known_at), known_at)
+    assessments = [a for a in fold(found.known, found.observations(session), found.others) if at is None or a.at <= at]
     if not assessments:
         return empty_verdict(found.known.kind, found.thresholds)
     last, made_by = assessments[-1].verdict, software().to_json()
@@ -179,7 +203,8 @@ def _folded(
     places = snapshots.missing(session, pump.id, links, start)
     taken = {}
     assessments = []
-    for number, step in enumerate(steps(found.known, found.observations(session), start, places), begin + 1):
+    observations = found.observations(session)
+    for number, step in enumerate(steps(found.known, observations, start, places, found.others), begin + 1):
         if number > same:
             assessments.append(step.assessment)
         if step.snapshot is not None:
@@ -189,8 +214,9 @@ def _folded(
 
 
 def _stored(session: Session, pump: Pump) -> dict[str, AnyRow]:
-    columns = (StoredAssessment.record_id, StoredAssessment.at, StoredAssessment.state, StoredAssessment.chain)
-    return {row.record_id: row for row in session.execute(select(*columns).where(StoredAssessment.pump_id == pump.id))}
+    row = StoredAssessment
+    columns = (row.record_id, row.at, row.state, row.chain, row.aircraft, row.position)
+    return {found.record_id: found for found in session.execute(select(*columns).where(row.pump_id == pump.id))}
 
 
 def _remove(session: Session, pump: Pump, stored: Mapping[str, AnyRow], gone: Collection[str]) -> None:

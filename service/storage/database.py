@@ -1,7 +1,7 @@
 """Engine and sessions: the same code for SQLite and Postgres, one transaction per request."""
 
 import fcntl
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ _POOL_TIMEOUT_S = 10
 """Longest wait for a connection of the pool; then the request is told to come back."""
 _MIGRATION_LOCK = 7_263_901_455
 """Number of the advisory lock that whoever migrates holds (our choice)."""
+_AFTERWARDS = "afterwards"
 _LOCK_TIMEOUT_MS = 30_000
 """Longest wait for what another transaction holds: a pump that is folded, a table that is migrated."""
 
@@ -57,9 +58,14 @@ class Database:
 
     @contextmanager
     def writing(self) -> Iterator[Session]:
-        """Session whose block is one transaction: committed at the end, rolled back on any error."""
+        """Session whose block is one transaction: committed at the end, rolled back on any error.
+
+        What was put off until then (``afterwards``) is done behind the commit, in transactions of its own.
+        """
         with self._writing.begin() as session:
             yield session
+        for then in session.info.pop(_AFTERWARDS, ()):
+            then(self)
 
     @contextmanager
     def snapshot(self) -> Iterator[Session]:
@@ -100,6 +106,11 @@ class Database:
     def close(self) -> None:
         """Close every pooled connection."""
         self.engine.dispose()
+
+
+def afterwards(session: Session, then: Callable[[Database], None]) -> None:
+    """Put something off until a session of ``Database.writing`` has been committed; it is dropped where that fails."""
+    session.info.setdefault(_AFTERWARDS, []).append(then)
 
 
 def _engine(url: str) -> Engine:

@@ -17,7 +17,10 @@ _DERIVED = ("id", "base", "title", "changes")
 _SENSOR = ("full_scale_bar", "accuracy_percent_full_scale", "repeatability_percent_full_scale")
 _LIKE_UNITS = (("m", "mm", "um"), ("cm3", "mm3", "L"), ("bar", "MPa", "Pa"), ("rad", "deg"), ("N/m", "N/mm"))
 _REFERENCE = PUMP_TYPES["h225"]
-_LATER = ("limits.case_pressure_limit_bar",)
+_LATER = (
+    "limits.case_pressure_limit_bar",
+    *(f"population.{name}" for name in _REFERENCE.population if name.endswith("_onsets")),
+)
 """Quantities that documents written by release 1.0 do not have; they stand for the reference's."""
 _LONGEST = 500
 
