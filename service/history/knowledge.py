@@ -1,7 +1,7 @@
 """What is known of a pump, now or at an earlier instant, gathered from the database for the fold."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any, TypeAlias, TypeVar
 
@@ -15,7 +15,7 @@ from service.history.analysis import RecordAnalysis, analysed, analysis_key, mar
 from service.history.archive import Archive
 from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, names_alike, remarks_on
 from service.history.healthy_curves import healthy_curve
-from service.history.known import ALONE, Known, Observations, Others, PlacedRecord
+from service.history.known import Known, Observations, Others, PlacedRecord
 from service.history.neighbours import copied_elsewhere, counting, look_alikes, place_taken, said_by
 from service.history.placement import Interval, Place, changes, place_at
 from service.history.setting import Setting, setting_at
@@ -54,7 +54,7 @@ class Knowledge:
     anew: Mapping[str, RecordAnalysis]
     flight_hours: Mapping[str, float]
     copies: frozenset[str]
-    others: Others = ALONE
+    others: Others = field(default_factory=dict)
 
     def observations(self, session: Session) -> Observations:
         """What reads the observations of records from the database."""
