@@ -227,7 +227,7 @@ class Fold:
         """What happened before a record, to this pump and with others."""
         if self.latest is not None:
             self.pass_over(self.latest, observation, history, others.handover)
-        elif others.handover is not None:
+        elif others.handover is not None and others.handover.records >= FEWEST_RECORDS:
             self._arrive(observation, history, others.handover)
             self._do(due(history.maintenance, others.handover.at, observation.at))
         if others.survival is not None and self.left:

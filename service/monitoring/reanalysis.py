@@ -203,7 +203,9 @@ def rehearsed(
     with database.reading() as session:
         pump = session.get_one(Pump, pump_id)
         before, old_rules = points_of(session, pump_id), _rules(session, pump)
-        found = with_neighbours(session, pump, archive, _known(session, archive, pump, wanted, reduce_anew=reduce_anew))
+        found = _known(session, archive, pump, wanted, reduce_anew=reduce_anew)
+        # the others are of the type that this pump still has
+        found = with_neighbours(session, pump, archive, found, kind=pump.pump_type)
         after = points_of_fold(session, found)
         alarms = gained_and_lost(lives(before, (), old_rules), lives(after, (), rules_of(found.thresholds.values)))
         return _change(pump, before, after, alarms, twin_version(found.known.kind), found.thresholds.version)

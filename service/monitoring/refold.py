@@ -9,6 +9,7 @@ import structlog
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
+from detectors.judgement.succession import Seat
 from detectors.words.verdict import Assessment
 from service.alarms.ledger import follow
 from service.answers import verdicts as answers
@@ -105,27 +106,12 @@ def refold(
     after = {a.record_id: (a.at, a.verdict.state.value) for a in assessments}
     session.add_all(_revisions(pump, before, after, cause))
     follow(session, pump, found.thresholds.values)
-    touched = {(row.at, row.aircraft, row.position) for i, row in stored.items() if i in gone}
-    touched |= {(placed[i].at, placed[i].aircraft, placed[i].position) for i in changed}
-    _tell_neighbours(session, pump, archive, touched)
-
-
-def _tell_neighbours(
-    session: Session,
-    pump: Pump,
-    archive: Archive,
-    changed: Collection[tuple[datetime, str, str]],
-) -> None:
-    """Have other pumps folded anew, once this change is kept, whose verdicts may rest on what has changed of this one's.
-
-    ``changed`` are instant, aircraft and position of every record whose verdict was made anew or is gone.
-    """
-    if not changed:
-        return
-    places = {(aircraft, position) for _, aircraft, position in changed}
-    others = successors(session, pump, places, min(at for at, _, _ in changed))
+    session.flush()
+    seats = [Seat(row.at, i, pump.id, (row.aircraft, row.position)) for i, row in stored.items()]
+    others = successors(session, pump, archive, seats, {*gone, *changed}) if gone or changed else set()
     if others:
         cause = Cause("neighbour_changed", pump.serial)
+        # each in a transaction of its own, once this change is kept: their verdicts rest on it
         afterwards(session, partial(refold_others, archive=archive, pump_ids=others, cause=cause))
 
 

@@ -4,7 +4,7 @@ Whom a record takes over from follows from where everybody's records lie. The li
 everything that its own fold rests on, so that a change there is seen here without being looked for.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
@@ -18,8 +18,9 @@ from detectors.judgement.snapshot import fold_from
 from detectors.judgement.succession import Place, Seat, Sources, sources_of
 from detectors.words.observation import Maintenance
 from service.history.archive import Archive
-from service.history.knowledge import Knowledge, knowledge, maintenance_of
+from service.history.knowledge import Knowledge, installation_intervals, knowledge, maintenance_of
 from service.history.known import ALONE, Known, Others
+from service.history.placement import changes
 from service.monitoring import snapshots
 from service.monitoring.chain import chain
 from service.monitoring.fold import steps
@@ -63,9 +64,13 @@ class Neighbourhood:
     _seats: dict[int, list[Seat]] = field(default_factory=dict)
     _folds: dict[tuple[int, str], Fold | None] = field(default_factory=dict)
 
-    def of(self, pump: Pump, found: Knowledge) -> Knowledge:
-        """What is known of a pump with whom its records take over from; what they hold is looked up when it is folded."""
-        own, sources = self._sources(pump, found)
+    def of(self, pump: Pump, found: Knowledge, kind: str | None = None) -> Knowledge:
+        """What is known of a pump with whom its records take over from; what they hold is looked up when it is folded.
+
+        ``kind`` is the type that the others have, where that is not the pump's own as it is known.
+        """
+        own = _seats(pump.id, found.known)
+        sources = self.sources(pump, own, kind or found.kind)
         if not sources.wanted():
             return found
         links = self._links(sources.wanted())
@@ -84,19 +89,24 @@ class Neighbourhood:
         others = _Asked(taking.keys(), lambda i: self._from(found, sources, taking[i]))
         return replace(found, known=replace(found.known, borrowed=borrowed), others=others)
 
-    def _sources(self, pump: Pump, found: Knowledge) -> tuple[list[Seat], Sources]:
-        own = _seats(pump.id, found.known)
+    def sources(
+        self,
+        pump: Pump,
+        own: Sequence[Seat],
+        kind: str,
+        instead: Mapping[int, Sequence[Seat]] | None = None,
+    ) -> Sources:
+        """Whom a pump takes over from by where its records lie; ``instead`` holds seats that stand in for those of others."""
         places = {seat.place for seat in own}
         there: dict[Place, list[Seat]] = {place: [] for place in places}
-        for seat in own:
-            there[seat.place].append(seat)
-        for other in self._others_at(pump, found.kind, places):
-            for seat in self._seats_of(other):
+        for other in (pump.id, *self._others_at(pump, kind, places)):
+            seats = own if other == pump.id else (instead or {}).get(other, self.seats_of(other))
+            for seat in seats:
                 if seat.place in there:
                     there[seat.place].append(seat)
         for seats in there.values():
             seats.sort()
-        return own, sources_of(own, there, found.known.installation_changes)
+        return sources_of(own, there, changes(installation_intervals(self.session, pump.id, self.known_at)))
 
     def _others_at(self, pump: Pump, kind: str, places: Collection[Place]) -> list[int]:
         """Other pumps of the same type that sat at a place, by a record or by an entry."""
@@ -104,7 +114,7 @@ class Neighbourhood:
         query = select(Pump.id).where(Pump.id.in_(ids), Pump.pump_type == kind)
         return sorted(self.session.scalars(query)) if ids else []
 
-    def _seats_of(self, pump_id: int) -> list[Seat]:
+    def seats_of(self, pump_id: int) -> list[Seat]:
         """Where the records of another pump lie: as its stored verdicts say, or as it was known at an earlier instant."""
         if pump_id not in self._seats:
             if self.known_at is not None:
@@ -117,7 +127,7 @@ class Neighbourhood:
         return self._seats[pump_id]
 
     def _seat(self, source: tuple[int, str]) -> Seat:
-        return next(s for s in self._seats_of(source[0]) if s.record_id == source[1])
+        return next(s for s in self.seats_of(source[0]) if s.record_id == source[1])
 
     def _links(self, wanted: Iterable[tuple[int, str]]) -> dict[tuple[int, str] | None, str | None]:
         """Links of the stored verdicts that are taken over from; none at an earlier instant, where nothing is stored."""
@@ -141,7 +151,7 @@ class Neighbourhood:
     def _done(self, source: tuple[int, str], until: datetime) -> list[Maintenance]:
         """Entries about the pump that left, between its last record there and the next pump's first, or its own next one."""
         last = self._seat(source)
-        later = [seat.at for seat in self._seats_of(source[0]) if seat > last]
+        later = [seat.at for seat in self.seats_of(source[0]) if seat > last]
         return due(maintenance_of(self.session, source[0], self.known_at), last.at, min([until, *later[:1]]))
 
     def _knowledge(self, pump_id: int) -> Knowledge:
@@ -182,10 +192,16 @@ class Neighbourhood:
 
 
 def with_neighbours(
-    session: Session, pump: Pump, archive: Archive, found: Knowledge, known_at: datetime | None = None
+    session: Session,
+    pump: Pump,
+    archive: Archive,
+    found: Knowledge,
+    known_at: datetime | None = None,
+    *,
+    kind: str | None = None,
 ) -> Knowledge:
-    """What is known of a pump with what it takes over from others."""
-    return Neighbourhood(session, archive, known_at).of(pump, found)
+    """What is known of a pump with what it takes over from others, as ``Neighbourhood.of`` gives it."""
+    return Neighbourhood(session, archive, known_at).of(pump, found, kind)
 
 
 def taken_over(session: Session, pump: Pump, archive: Archive) -> Others:
@@ -213,13 +229,37 @@ def neighbours_at(session: Session, operator: str, places: Collection[Place]) ->
     return found
 
 
-def successors(session: Session, pump: Pump, places: Collection[Place], since: datetime) -> set[int]:
-    """Other pumps whose verdicts may rest on what a pump's records from an instant on say of some places."""
-    ids = neighbours_at(session, pump.operator, places) - {pump.id}
-    if not ids:
+def successors(
+    session: Session, pump: Pump, archive: Archive, before: Sequence[Seat], changed: Collection[str]
+) -> set[int]:
+    """Other pumps whose verdicts rest on records of a pump whose own have changed or are gone.
+
+    Parameters
+    ----------
+    before
+        Where the pump's records lay as its stored verdicts said before the change; what they say now is stored already.
+    changed
+        Records whose verdicts were made anew, or are gone.
+    """
+    row = StoredAssessment
+    query = select(row.at, row.record_id, row.aircraft, row.position).where(row.pump_id == pump.id)
+    after = sorted(Seat(r.at, r.record_id, pump.id, (r.aircraft, r.position)) for r in session.execute(query))
+    touched = [seat for seat in (*before, *after) if seat.record_id in changed]
+    others = neighbours_at(session, pump.operator, {seat.place for seat in touched}) - {pump.id}
+    if not others:
         return set()
-    query = select(StoredAssessment.pump_id).where(StoredAssessment.pump_id.in_(ids), StoredAssessment.at >= since)
-    return set(session.scalars(query.distinct()))
+    first, found = min(touched), set()
+    here = Neighbourhood(session, archive)
+    for other in sorted(others):
+        own = here.seats_of(other)
+        if not own or own[-1] < first:
+            continue
+        neighbour = session.get_one(Pump, other)
+        for seats in (after, sorted(before)):
+            sources = here.sources(neighbour, own, neighbour.pump_type, {pump.id: seats})
+            if any((pump.id, record_id) in sources.wanted() for record_id in changed):
+                found.add(other)
+    return found
 
 
 def _seats(pump_id: int, known: Known) -> list[Seat]:
