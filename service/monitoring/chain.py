@@ -9,6 +9,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
+from detectors.judgement import succession
 from detectors.judgement.snapshot import judge_version
 from detectors.words.flights import roles_of
 from service.history import codec
@@ -70,5 +71,5 @@ def _link(*parts: Any) -> str:
 
 @cache
 def own_sources() -> str:
-    """Hash of the code between the judge and a stored assessment."""
-    return sources_hash(codec.__name__, fold.__name__)
+    """Hash of the code between the judge and a stored assessment, and of who takes over from whom."""
+    return sources_hash(codec.__name__, fold.__name__, succession.__name__)

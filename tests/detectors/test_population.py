@@ -8,6 +8,7 @@ import pytest
 
 from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS, hazards_of, log_priors, prior
+from detectors.bank.tables import LOG_ARRIVAL
 from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.expectation.components import N_STATE, PLACE
@@ -126,8 +127,8 @@ def test_rates_of_onset_follow_findings_and_never_run_away() -> None:
 
 def test_a_type_with_other_rates_has_other_priors_and_no_other_type_has() -> None:
     """Twice as many drains: two to the power of one more in the prior of every drain fault, nothing else moves."""
-    usual = log_priors(0.0)
-    assert np.array_equal(log_priors(0.0, hazards_of(PUMP)), usual)
+    usual = log_priors(LOG_ARRIVAL)
+    assert np.array_equal(log_priors(LOG_ARRIVAL, hazards_of(PUMP)), usual)
     twice = replace(PUMP.population["drain_restriction_onsets"], value=2.0)
     other = replace(PUMP, population={**PUMP.population, "drain_restriction_onsets": twice})
     is_drain = np.array([k.state is State.DRAIN_RESTRICTION for k in FAULT_KINDS])
