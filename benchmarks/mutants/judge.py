@@ -63,7 +63,9 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     _bank("detectors.bank.hypotheses", "variance[PLACE[name]] = sd**2", "variance[PLACE[name]] = sd"),
     _bank("detectors.bank.hypotheses", "row[INDEX[name]] = share", "row[INDEX[name]] = 1.0"),
-    _bank("detectors.bank.hypotheses", "hazard = HAZARD * kind.share", "hazard = HAZARD"),
+    _bank(
+        "detectors.bank.hypotheses", "hazards.get(kind.state, HAZARD)) * kind.share", "hazards.get(kind.state, HAZARD))"
+    ),
     _bank(
         "detectors.bank.bank",
         "                UNMEASURED_RESERVOIR_WALK_BAR**2\n",
@@ -86,8 +88,8 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     _judgement("twin.numbers", "Z_90 = 1.645", "Z_90 = 1.0", "nine_in_ten"),
     _judgement("detectors.judgement.estimates", "(1.0 - share) * spread**2", "spread**2", "nine_in_ten"),
-    _judgement("detectors.judgement.assessment", "half = Z_90 * residual", "half = 1.0 * residual", "nine_in_ten"),
-    _judgement("detectors.judgement.assessment", "half = Z_90 * mean", "half = 1.0 * mean", "nine_in_ten"),
+    _judgement("detectors.judgement.readings", "half = Z_90 * residual", "half = 1.0 * residual", "nine_in_ten"),
+    _judgement("detectors.judgement.readings", "half = Z_90 * mean", "half = 1.0 * mean", "nine_in_ten"),
     _judgement("detectors.judgement.events", '{"setting": _POPULATION}', "{}", "", _EVENTS),
     _judgement("detectors.judgement.plausibility", "TWICE = 2.0", "TWICE = 4.0", "", _PLAUSIBILITY),
     _judgement("detectors.judgement.plausibility", "_MOST_OFF_BAR = 25.0", "_MOST_OFF_BAR = 250.0", "", _PLAUSIBILITY),

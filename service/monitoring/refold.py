@@ -25,8 +25,8 @@ from service.ingest.names import look_of
 from service.monitoring import snapshots
 from service.monitoring.chain import chain
 from service.monitoring.fold import fold, steps
-from service.monitoring.precedence import left_to_newer, take_over
-from service.monitoring.succession import successors, with_neighbours
+from service.monitoring.precedence import left_to_newer, made_with, take_over
+from service.monitoring.succession import Neighbourhood, seats_of_known, successors, with_neighbours
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
 from service.storage.database import Database, afterwards
@@ -71,9 +71,11 @@ def refold(
     session.flush()
     if left_to_newer(session, pump):
         return
-    _outline_older(session, pump)
+    if pump.made_with != made_with():
+        _outline_older(session, pump)
     pump.look = pump.look or look_of(pump.serial)
-    found = with_neighbours(session, pump, archive, knowledge(session, pump, archive))
+    here = Neighbourhood(session, archive)
+    found = here.of(pump, knowledge(session, pump, archive))
     if found.anew:
         for row in session.scalars(select(Record).where(Record.id.in_(found.anew))):
             keep_analysis(row, found.anew[row.id])
@@ -106,9 +108,9 @@ def refold(
     after = {a.record_id: (a.at, a.verdict.state.value) for a in assessments}
     session.add_all(_revisions(pump, before, after, cause))
     follow(session, pump, found.thresholds.values)
-    session.flush()
-    seats = [Seat(row.at, i, pump.id, (row.aircraft, row.position)) for i, row in stored.items()]
-    others = successors(session, pump, archive, seats, {*gone, *changed}) if gone or changed else set()
+    before_it = [Seat(row.at, i, pump.id, (row.aircraft, row.position)) for i, row in stored.items()]
+    now = seats_of_known(pump.id, found.known)
+    others = successors(here, pump, before_it, now, {*gone, *changed}) if gone or changed else set()
     if others:
         cause = Cause("neighbour_changed", pump.serial)
         # each in a transaction of its own, once this change is kept: their verdicts rest on it

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
-from sqlalchemy import select
+from sqlalchemy import and_, or_, select
 from sqlalchemy.orm import Session
 
 from detectors.judgement.assessment import Fold
@@ -63,13 +63,14 @@ class Neighbourhood:
     _gathered: dict[int, Knowledge] = field(default_factory=dict)
     _seats: dict[int, list[Seat]] = field(default_factory=dict)
     _folds: dict[tuple[int, str], Fold | None] = field(default_factory=dict)
+    _quiet: set[frozenset[Place]] = field(default_factory=set)
 
     def of(self, pump: Pump, found: Knowledge, kind: str | None = None) -> Knowledge:
         """What is known of a pump with whom its records take over from; what they hold is looked up when it is folded.
 
         ``kind`` is the type that the others have, where that is not the pump's own as it is known.
         """
-        own = _seats(pump.id, found.known)
+        own = seats_of_known(pump.id, found.known)
         sources = self.sources(pump, own, kind or found.kind)
         if not sources.wanted():
             return found
@@ -98,8 +99,11 @@ class Neighbourhood:
     ) -> Sources:
         """Whom a pump takes over from by where its records lie; ``instead`` holds seats that stand in for those of others."""
         places = {seat.place for seat in own}
+        others = self._others_at(pump, kind, places)
+        if not others:
+            return Sources({}, {})
         there: dict[Place, list[Seat]] = {place: [] for place in places}
-        for other in (pump.id, *self._others_at(pump, kind, places)):
+        for other in (pump.id, *others):
             seats = own if other == pump.id else (instead or {}).get(other, self.seats_of(other))
             for seat in seats:
                 if seat.place in there:
@@ -108,9 +112,19 @@ class Neighbourhood:
             seats.sort()
         return sources_of(own, there, changes(installation_intervals(self.session, pump.id, self.known_at)))
 
+    def near(self, pump: Pump, places: Collection[Place]) -> set[int]:
+        """Other pumps of the operator that sat at a place, by a record or by an entry; asked once where there are none."""
+        wanted = frozenset(places)
+        if not any(wanted <= known for known in self._quiet):
+            found = neighbours_at(self.session, pump.operator, wanted) - {pump.id}
+            if found:
+                return found
+            self._quiet.add(wanted)
+        return set()
+
     def _others_at(self, pump: Pump, kind: str, places: Collection[Place]) -> list[int]:
         """Other pumps of the same type that sat at a place, by a record or by an entry."""
-        ids = neighbours_at(self.session, pump.operator, places) - {pump.id}
+        ids = self.near(pump, places)
         query = select(Pump.id).where(Pump.id.in_(ids), Pump.pump_type == kind)
         return sorted(self.session.scalars(query)) if ids else []
 
@@ -118,7 +132,7 @@ class Neighbourhood:
         """Where the records of another pump lie: as its stored verdicts say, or as it was known at an earlier instant."""
         if pump_id not in self._seats:
             if self.known_at is not None:
-                self._seats[pump_id] = _seats(pump_id, self._knowledge(pump_id).known)
+                self._seats[pump_id] = seats_of_known(pump_id, self._knowledge(pump_id).known)
             else:
                 row = StoredAssessment
                 query = select(row.at, row.record_id, row.aircraft, row.position).where(row.pump_id == pump_id)
@@ -217,52 +231,46 @@ def taken_over(session: Session, pump: Pump, archive: Archive) -> Others:
 
 def neighbours_at(session: Session, operator: str, places: Collection[Place]) -> set[int]:
     """Pumps of an operator with a record or an entered installation at one of some places, whether they count or not."""
-    found: set[int] = set()
-    own = select(Pump.id).where(Pump.operator == operator)
-    for aircraft, position in places:
-        here = (Record.operator == operator, Record.aircraft == aircraft, Record.position == position)
-        found |= {i for i in session.scalars(select(Record.pump_id).where(*here).distinct()) if i is not None}
-        there = (Installation.aircraft == aircraft, Installation.position == position)
-        found |= set(
-            session.scalars(select(Installation.pump_id).where(*there, Installation.pump_id.in_(own)).distinct())
-        )
-    return found
+    if not places:
+        return set()
+    recorded = or_(*(and_(Record.aircraft == a, Record.position == p) for a, p in sorted(places)))
+    entered = or_(*(and_(Installation.aircraft == a, Installation.position == p) for a, p in sorted(places)))
+    query = select(Record.pump_id).where(Record.operator == operator, Record.pump_id.is_not(None), recorded)
+    own = select(Installation.pump_id).join(Pump, Installation.pump_id == Pump.id)
+    return set(session.scalars(query.union(own.where(Pump.operator == operator, entered))))
 
 
 def successors(
-    session: Session, pump: Pump, archive: Archive, before: Sequence[Seat], changed: Collection[str]
+    here: Neighbourhood, pump: Pump, before: Sequence[Seat], after: Sequence[Seat], changed: Collection[str]
 ) -> set[int]:
     """Other pumps whose verdicts rest on records of a pump whose own have changed or are gone.
 
     Parameters
     ----------
-    before
-        Where the pump's records lay as its stored verdicts said before the change; what they say now is stored already.
+    before, after
+        Where the pump's records lay as its stored verdicts said before the change, and where they lie now.
     changed
         Records whose verdicts were made anew, or are gone.
     """
-    row = StoredAssessment
-    query = select(row.at, row.record_id, row.aircraft, row.position).where(row.pump_id == pump.id)
-    after = sorted(Seat(r.at, r.record_id, pump.id, (r.aircraft, r.position)) for r in session.execute(query))
     touched = [seat for seat in (*before, *after) if seat.record_id in changed]
-    others = neighbours_at(session, pump.operator, {seat.place for seat in touched}) - {pump.id}
+    others = here.near(pump, {seat.place for seat in touched})
     if not others:
         return set()
     first, found = min(touched), set()
-    here = Neighbourhood(session, archive)
     for other in sorted(others):
         own = here.seats_of(other)
         if not own or own[-1] < first:
             continue
-        neighbour = session.get_one(Pump, other)
-        for seats in (after, sorted(before)):
+        neighbour = here.session.get_one(Pump, other)
+        for seats in (sorted(after), sorted(before)):
             sources = here.sources(neighbour, own, neighbour.pump_type, {pump.id: seats})
             if any((pump.id, record_id) in sources.wanted() for record_id in changed):
                 found.add(other)
     return found
 
 
-def _seats(pump_id: int, known: Known) -> list[Seat]:
+def seats_of_known(pump_id: int, known: Known) -> list[Seat]:
+    """Where the records of a pump lie."""
     outlines = [p.outline for p in known.placed]
     return [Seat(o.at, o.record_id, pump_id, (o.aircraft, o.position)) for o in outlines]
 

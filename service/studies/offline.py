@@ -140,7 +140,7 @@ def analyse_files(
     return OfflineAnalysis(tuple(pumps), tuple(refused))
 
 
-_Gathered = tuple[str, PumpType, Mapping[str, AnalysedFile], History, list[str]]
+_Gathered = tuple[str, PumpType, dict[str, AnalysedFile], History, list[str]]
 """Serial, type, files, history and flags of a pump."""
 
 
