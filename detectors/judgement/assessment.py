@@ -19,7 +19,6 @@ from detectors.judgement.coverage import Coverage
 from detectors.judgement.estimates import estimates
 from detectors.judgement.events import MOVED, due, freed_by, viscosity_of
 from detectors.judgement.handover import (
-    EXCHANGED,
     FEWEST_RECORDS,
     FromOthers,
     Handover,
@@ -44,7 +43,7 @@ from detectors.judgement.isolation import (
     showing,
     suspect,
 )
-from detectors.judgement.memory import ON_THIS_RECORD, Memory
+from detectors.judgement.memory import EXCHANGED, ON_THIS_RECORD, Memory
 from detectors.judgement.plausibility import (
     IMPLAUSIBLE_FLIGHTS,
     Doubt,
@@ -358,7 +357,7 @@ class Fold:
                 settling=self._settling(),
                 fit=fit,
                 intermittent=shown or vanished,
-                resolved_by=self.memory.resolved,
+                resolved_by=self.memory.resolved_where(healthy=decision.state is State.HEALTHY),
                 case_pressure=self.case_pressure,
                 sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
             ),

@@ -10,8 +10,6 @@ from detectors.judgement.events import Freed, freed_by
 from detectors.judgement.isolation import evidence
 from detectors.words.observation import Maintenance
 
-EXCHANGED = "pump_exchanged"
-"""Word for an exchange beside the actions that can be entered."""
 FEWEST_RECORDS = 8
 """Records at a position below which nothing is handed on: before filters are first fitted anew they are surer than they
 should be."""

@@ -6,6 +6,8 @@ from datetime import datetime
 from detectors.words.states import State
 from detectors.words.verdict import Intermittent, Resolved
 
+EXCHANGED = "pump_exchanged"
+"""Word for an exchange beside the actions that can be entered."""
 _LEAST_RECORDS = 3
 """Records on which a fault showed below which nothing is remembered (our choice: an alarm takes as many to be raised)."""
 
@@ -97,6 +99,11 @@ class Memory:
             past_shown=earlier + self.shown,
             asked=asked if earlier else self.standing + 1,
         )
+
+    def resolved_where(self, *, healthy: bool) -> Resolved | None:
+        """What ended with what was done; an exchange is not said to have ended anything while something is wrong."""
+        found = self.resolved
+        return None if found is not None and not healthy and EXCHANGED in found.action.split("+") else found
 
     @property
     def came_and_went(self) -> Intermittent | None:

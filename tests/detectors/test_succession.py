@@ -14,7 +14,8 @@ from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
 from detectors.expectation.components import PLACE
 from detectors.judgement.assessment import Fold
-from detectors.judgement.handover import EXCHANGED, FromOthers, handed_over
+from detectors.judgement.handover import FromOthers, handed_over
+from detectors.judgement.memory import EXCHANGED
 from detectors.judgement.snapshot import fold_from, snapshot
 from detectors.judgement.succession import FOLLOWED, Judged, Seat, assess_together, sources_of
 from detectors.words.flights import outline_of, roles_of
