@@ -7,6 +7,7 @@ _WINDOWS, _STATISTICS = ("tests.detectors.test_windows", _BY_TIME), ("tests.dete
 _STEPS = ("tests.detectors.test_load_steps",)
 _ASSESSMENT, _ISOLATION = ("tests.detectors.test_assessment",), ("tests.detectors.test_isolation",)
 _EVENTS, _MEMORY = ("tests.detectors.test_events",), ("tests.detectors.test_memory",)
+_SUCCESSION, _POPULATION = ("tests.detectors.test_succession",), ("tests.detectors.test_population",)
 _PLAUSIBILITY, _COVERAGE = ("tests.detectors.test_plausibility",), ("tests.detectors.test_coverage",)
 _SPREADS = ("tests.detectors.test_bank_rules",)
 
@@ -62,7 +63,9 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     _bank("detectors.bank.hypotheses", "variance[PLACE[name]] = sd**2", "variance[PLACE[name]] = sd"),
     _bank("detectors.bank.hypotheses", "row[INDEX[name]] = share", "row[INDEX[name]] = 1.0"),
-    _bank("detectors.bank.hypotheses", "hazard = HAZARD * kind.share", "hazard = HAZARD"),
+    _bank(
+        "detectors.bank.hypotheses", "hazards.get(kind.state, HAZARD)) * kind.share", "hazards.get(kind.state, HAZARD))"
+    ),
     _bank(
         "detectors.bank.bank",
         "                UNMEASURED_RESERVOIR_WALK_BAR**2\n",
@@ -85,13 +88,20 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     _judgement("twin.numbers", "Z_90 = 1.645", "Z_90 = 1.0", "nine_in_ten"),
     _judgement("detectors.judgement.estimates", "(1.0 - share) * spread**2", "spread**2", "nine_in_ten"),
-    _judgement("detectors.judgement.assessment", "half = Z_90 * residual", "half = 1.0 * residual", "nine_in_ten"),
-    _judgement("detectors.judgement.assessment", "half = Z_90 * mean", "half = 1.0 * mean", "nine_in_ten"),
+    _judgement("detectors.judgement.readings", "half = Z_90 * residual", "half = 1.0 * residual", "nine_in_ten"),
+    _judgement("detectors.judgement.readings", "half = Z_90 * mean", "half = 1.0 * mean", "nine_in_ten"),
     _judgement("detectors.judgement.events", '{"setting": _POPULATION}', "{}", "", _EVENTS),
     _judgement("detectors.judgement.plausibility", "TWICE = 2.0", "TWICE = 4.0", "", _PLAUSIBILITY),
     _judgement("detectors.judgement.plausibility", "_MOST_OFF_BAR = 25.0", "_MOST_OFF_BAR = 250.0", "", _PLAUSIBILITY),
     _judgement("detectors.judgement.plausibility", "_FOLLOWS = 0.5", "_FOLLOWS = 0.0", "", _PLAUSIBILITY),
     _judgement("detectors.judgement.plausibility", "_TOGGLING = 2", "_TOGGLING = 0", "", _PLAUSIBILITY),
+    _judgement("detectors.judgement.succession", "earlier[-1].pump != first.pump", "earlier", "", _SUCCESSION),
+    _judgement("detectors.judgement.succession", "len(next_ones) > 1 or ", "", "", _SUCCESSION),
+    _judgement("detectors.judgement.handover", "FEWEST_RECORDS = 8", "FEWEST_RECORDS = 0", "", _SUCCESSION),
+    _judgement("detectors.judgement.assessment", "self.bank.ended = known.position.blamed", "pass", "", _SUCCESSION),
+    _judgement("detectors.bank.position", "_STAYS[kind] >= 0", "_STAYS[kind] > 99", "", _SUCCESSION),
+    _judgement("detectors.judgement.population", "MOST_TIMES = 5.0", "MOST_TIMES = 50.0", "", _POPULATION),
+    _judgement("detectors.judgement.memory", "showing.before) + showing.now", "showing.before) + 1", "", _MEMORY),
     _judgement("detectors.judgement.memory", "_LEAST_RECORDS = 3", "_LEAST_RECORDS = 1", "", _MEMORY),
     _judgement("detectors.judgement.coverage", "_LOADED - history.loaded", "_LOADED", "", _COVERAGE),
     _judgement(

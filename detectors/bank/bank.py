@@ -34,6 +34,7 @@ from detectors.bank.shapes import (
     Filters,
     Freed,
     Integers,
+    Kinds,
     Walks,
 )
 from detectors.bank.summary import spawned
@@ -55,6 +56,7 @@ from detectors.bank.tables import (
     SETTING_VARIANCE,
     WALK,
     empty_filters,
+    kinds_of,
     touched_by,
 )
 from detectors.bank.window import Measurement, history_of, nothing_freed
@@ -107,6 +109,8 @@ class Bank:
     refits
         False where the history begins at a state that was learnt: its covariance holds for the point that it was
         linearised about, and a fit about another one would lose what it says.
+    kinds
+        What faults are, as often as this pump type's population has them.
     ended, resolving
         Kind of the fault that ended with what was done last, and of the one that may have (-1: none).
     """
@@ -123,6 +127,7 @@ class Bank:
     reservoir_seen: bool = False
     freed: Freed = field(default_factory=nothing_freed)
     refits: bool = True
+    kinds: Kinds = KINDS
     ended: int = HEALTHY
     resolving: int = HEALTHY
     line_scatter: LineScatter = field(default_factory=LineScatter)
@@ -130,13 +135,14 @@ class Bank:
 
     def __post_init__(self) -> None:
         """Start with the population's spread: the healthy pump, and those that arrive worn."""
+        self.kinds = kinds_of(self.pump)
         names = [k.name for k in FAULT_KINDS]
         self.n = 1 + len(ARRIVAL_KINDS)
         for row in range(self.n):
             if row > 0:
                 self.filters.kind[row], self.filters.shape[row] = names.index(ARRIVAL_KINDS[row - 1]), ARRIVAL
             self._begin(row)
-        self._rebase()
+        self.rebase()
 
     def _begin(self, row: int) -> None:
         """Set a filter that is alive from the first record to its prior."""
@@ -232,7 +238,7 @@ class Bank:
             self.ended, self.resolving = self.resolving, HEALTHY
         take_over(filters, likeliest, FAULT_KINDS[filters.kind[likeliest]].moves)
         self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
-        self._rebase()
+        self.rebase()
 
     def supplement(self, measurement: Measurement) -> None:
         """Take a burst of the flight that was learnt last: nothing but its lines is new, no time passes."""
@@ -260,20 +266,12 @@ class Bank:
         fitted = (kind != GONE) & (filters.shape[:n] != ON_OFF) & (filters.shape[:n] != OPEN)
         rows = np.flatnonzero((kind == HEALTHY) | (fitted & (filters.onset[:n] >= self.base.records)))
         before = filters.log_evidence[0]
-        fit_anew(
-            filters,
-            rows,
-            self.base,
-            KINDS,
-            self._walks(),
-            history_of(self.learnt, self.base.records, self.freed),
-            self.alive,
-            _MOST_PASSES,
-        )
+        history = history_of(self.learnt, self.base.records, self.freed)
+        fit_anew(filters, rows, self.base, self.kinds, self._walks(), history, self.alive, _MOST_PASSES)
         filters.log_evidence[rows] += before - filters.log_evidence[0]
         filters.log_evidence[:n] -= filters.log_evidence[:n].max()
 
-    def _rebase(self) -> None:
+    def rebase(self) -> None:
         """Let the history that fits go back to begin here; what set in before keeps the filter that it has."""
         self.base = Base(self.filters.mean[0].copy(), self.filters.covariance[0].copy(), self.records)
         self.learnt.clear()
@@ -306,7 +304,7 @@ class Bank:
         ``breadth`` is how many times its kind's scale a fault may be that nothing bounds.
         """
         scales = np.where(IS_BOUNDED, 1.0, breadth) * KINDS.scales
-        self.n = spawned(self.filters, self.n, self.records, KINDS, self._most_onsets(), scales)
+        self.n = spawned(self.filters, self.n, self.records, self.kinds, self._most_onsets(), scales)
         self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:
@@ -364,7 +362,7 @@ class Bank:
             # the compensator was opened: it regulates as it does now
             self.regulation = Regulation()
         if took_over:
-            self._rebase()
+            self.rebase()
         mean, sd = prior(self.pump)
         for name, like_before in freed.items():
             if like_before is not None:

@@ -6,7 +6,7 @@ inside the flows, not beside them: a big fault is not a small one times a slope.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from detectors.bank.shapes import ALIKE, ARRIVAL, N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP
 from detectors.expectation.components import INDEX, N_COMPONENTS, N_STATE, PLACE
-from detectors.words.verdict import State
+from detectors.words.verdict import FAULTS, State
 from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
@@ -172,6 +172,8 @@ GONE, OTHER = N_KINDS - 1, N_KINDS - 2
 that knows nothing but how far apart two records of a pump may lie."""
 HAZARD = 4.0e-3
 """Prior of each state setting in within the spacing of onset candidates, the same for every state (estimate)."""
+USUAL_ONSETS = 1.0
+"""The same as onsets of a state in 1000 records (``PumpType.population``): candidates lie four records apart."""
 _OTHER_HAZARD = 1.0e-3
 _FLUID_HAZARD = 5.0e-3
 """A batch is changed once in some hundred flights (estimate)."""
@@ -183,10 +185,18 @@ _WEARS = {STEP: 0.15, RAMP: 0.75, ON_OFF: 0.1}
 """Shares of the shapes of wear: gaps open by abrasion, flight after flight (estimate: one leak in six sets in at once)."""
 
 
-def log_priors(log_arrival: float) -> Array:
+def hazards_of(pump: PumpType) -> dict[State, float]:
+    """Prior of each state setting in within the spacing of onset candidates, as the pump type's population has it."""
+    rates = {state: pump.population.get(f"{state.value}_onsets") for state in FAULTS}
+    usual = HAZARD / USUAL_ONSETS
+    return {state: HAZARD if rate is None else usual * rate.value for state, rate in rates.items()}
+
+
+def log_priors(log_arrival: float, hazards: Mapping[State, float] | None = None) -> Array:
     """Priors of each kind by shape [nat], shape (2, N_SHAPES, N_KINDS): as stated, and with the same shapes for every cause.
 
-    -inf stands for what never occurs; ``log_arrival`` is that of a pump that comes worn, the same for all kinds.
+    -inf stands for what never occurs; ``log_arrival`` is that of a pump that comes worn, the same for all kinds. ``hazards``
+    are those of the states; None for the same of every state.
     """
     table = np.full((2, N_SHAPES, N_KINDS), -np.inf)
     table[:, ARRIVAL] = log_arrival
@@ -194,7 +204,7 @@ def log_priors(log_arrival: float) -> Array:
         if k == OTHER:
             table[:, OPEN, k] = math.log(_OTHER_HAZARD)
             continue
-        hazard = HAZARD * kind.share
+        hazard = (HAZARD if hazards is None else hazards.get(kind.state, HAZARD)) * kind.share
         if kind.state is State.HEALTHY:
             hazard = _GONE_HAZARD if k == GONE else _FLUID_HAZARD
         occurs = {STEP: kind.sudden, RAMP: kind.growing, ON_OFF: kind.comes_and_goes}

@@ -10,6 +10,7 @@ from detectors.bank.hypotheses import (
     FREE_SETTING_WALK_BAR,
     N_KINDS,
     directions,
+    hazards_of,
     kind_scales,
     laws,
     log_priors,
@@ -18,6 +19,7 @@ from detectors.bank.hypotheses import (
 from detectors.bank.shapes import N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Kinds
 from detectors.expectation.components import N_COMPONENTS, N_STATE
 from detectors.words.verdict import State
+from twin.parameters import PumpType
 
 _MOST: Mapping[int, int] = {STEP: 5, RAMP: 4, ON_OFF: 2, OPEN: 2}
 """Onsets of one kind that are kept by shape: where a ramp began matters less than where a step stood."""
@@ -62,6 +64,13 @@ _HEALS = np.array([-4.0 if k.state is State.PUMP_DEGRADATION else 0.0 for k in F
 """Gaps that have worn do not close by themselves (estimate: one in fifty of those that seemed to be worn)."""
 _SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])
 KINDS = Kinds(DIRECTIONS, _SCALES, laws(), _SIGNS, _HEALS, LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
+
+
+def kinds_of(pump: PumpType) -> Kinds:
+    """What faults are, setting in as often as a pump type's population has them."""
+    return KINDS._replace(log_priors=log_priors(LOG_ARRIVAL, hazards_of(pump)))
+
+
 AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
 RATE_VARIANCE = np.zeros_like(AMPLITUDE_VARIANCE)
 RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2

@@ -25,6 +25,7 @@ from detectors.expectation.reduced_twin import nominal_pressures
 from detectors.expectation.residuals import matching_condition, reservoir_noise_sd
 from detectors.expectation.type_correction import HealthyCurve, corrections
 from detectors.judgement.assessment import Fold
+from detectors.judgement.handover import FromOthers
 from detectors.words.numbers import Z_90
 from detectors.words.observation import History, Observation
 from detectors.words.states import State
@@ -133,6 +134,7 @@ def damage_identification_curve(
     thresholds: Mapping[str, float],
     condition: Condition,
     healthy: HealthyCurve | None = None,
+    others: Mapping[str, FromOthers] | None = None,
 ) -> Curve:
     """Curve, points and fault directions at one condition (speed, fluid temperature, reservoir pressure).
 
@@ -142,6 +144,8 @@ def damage_identification_curve(
         As the judge takes them (``detectors.judgement.assessment.assess``): the history is folded here.
     condition
         Where everything is brought to; its flow is that of zero demand.
+    others
+        What records take over from other pumps, by record.
     """
     conditions = {
         "speed_rpm": condition.speed_rpm,
@@ -149,7 +153,7 @@ def damage_identification_curve(
         "reservoir_pressure_bar": condition.reservoir_pressure_bar,
     }
     fold = Fold(pump, circuit, thresholds, healthy)
-    seen = sights(fold, history)
+    seen = sights(fold, history, others or {})
     rows, solved = anchors([condition._replace(discharge_flow_lpm=0.0)], pump, circuit)
     if not solved[0]:
         return Curve(conditions, Baseline(0.0, 0.0, 0), (), (), {})

@@ -5,6 +5,7 @@ filter says where this pump would be if nothing had happened to it, its referenc
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -19,6 +20,7 @@ from detectors.bank.tables import DIRECTIONS
 from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import AMPLITUDE, N_COMPONENTS, N_STATE, PLACE
 from detectors.judgement.assessment import Fold
+from detectors.judgement.handover import FromOthers
 from detectors.judgement.isolation import evidence
 from detectors.words.flights import outline_of, roles_of
 from detectors.words.observation import History
@@ -60,15 +62,15 @@ class Place:
     covariance: Array
 
 
-def sights(fold: Fold, history: History) -> list[Sight]:
+def sights(fold: Fold, history: History, others: Mapping[str, FromOthers]) -> list[Sight]:
     """Fold a history from its first record on, with a sight after every record that taught something.
 
-    ``fold`` is a new one; it is left behind the last record.
+    ``fold`` is a new one; it is left behind the last record. ``others`` is what records take over from other pumps.
     """
     observations = sorted(history.observations, key=lambda o: (o.at, o.record_id))
     roles = roles_of([outline_of(o) for o in observations])
     found, used = [], fold.used
-    for assessment in fold.continued(observations, roles, history):
+    for assessment in fold.continued(observations, roles, history, others=others):
         if fold.used > used:
             used = fold.used
             found.append(sight_of(fold, assessment.record_id, assessment.at))

@@ -118,6 +118,7 @@ def fleet(
     *,
     worn: bool = False,
     moved_at: int | None = None,
+    exchanged: bool = False,
 ) -> Flights:
     """Draw a fleet and fly it.
 
@@ -129,12 +130,15 @@ def fleet(
         Pumps that arrive with a case flow at the reference above 2.2 L/min.
     moved_at
         Flight from which each pump sits in another aircraft; None: it stays where it is.
+    exchanged
+        The other aircraft is that of another pump of the fleet: the first half and the second change places. Faults of an
+        aircraft stay with it only if ``courses`` says so.
     """
     shape = (n_pumps, n_flights)
     own = rng.normal
 
     def by_aircraft(draw: Callable[[], Array]) -> Array:
-        return drawn_by_aircraft(draw, n_flights, moved_at)
+        return drawn_by_aircraft(draw, n_flights, moved_at, exchanged=exchanged)
 
     speed = pump.nominal_speed_rpm * (1.0 + by_aircraft(lambda: own(0.0, 0.005, (n_pumps, 1))) + own(0.0, 0.004, shape))
     day = np.arange(n_flights) / 300.0 + by_aircraft(lambda: rng.uniform(0.0, 1.0, (n_pumps, 1)))
@@ -198,12 +202,17 @@ def fleet(
     )
 
 
-def drawn_by_aircraft(draw: Callable[[], Array], n_flights: int, moved_at: int | None) -> Array:
+def drawn_by_aircraft(
+    draw: Callable[[], Array], n_flights: int, moved_at: int | None, *, exchanged: bool = False
+) -> Array:
     """What belongs to the aircraft: drawn once, or once more for the flights from ``moved_at`` on.
 
-    ``draw`` gives an array that broadcasts with (n_pumps, n_flights).
+    ``draw`` gives an array that broadcasts with (n_pumps, n_flights). Where pumps are ``exchanged`` the first half of
+    them gets from then on what the second half had, and the other way round.
     """
     first = draw()
+    if moved_at is not None and exchanged:
+        return np.where(np.arange(n_flights) < moved_at, first, np.roll(first, len(first) // 2, axis=0))
     return first if moved_at is None else np.where(np.arange(n_flights) < moved_at, first, draw())
 
 

@@ -66,27 +66,39 @@ class Sensing:
 
 
 def histories(
-    flights: Flights, pump: PumpType, sensing: Sensing, rng: np.random.Generator, moved_at: int | None = None
+    flights: Flights,
+    pump: PumpType,
+    sensing: Sensing,
+    rng: np.random.Generator,
+    moved_at: int | None = None,
+    *,
+    exchanged: bool = False,
 ) -> list[History]:
     """One history per pump; flights that dropped out are missing from it.
 
-    From flight ``moved_at`` on the pump is seen by another aircraft's sensors.
+    From flight ``moved_at`` on the pump is seen by another aircraft's sensors; by those of another pump of the fleet where
+    they are ``exchanged`` (``reality.fleet``), which are then named alike in both histories.
     """
     shape = flights.discharge.shape
     n_pumps, n_flights = shape
     normal = rng.normal
 
     def by_aircraft(draw: Callable[[], Array]) -> Array:
-        return drawn_by_aircraft(draw, n_flights, moved_at)
+        return drawn_by_aircraft(draw, n_flights, moved_at, exchanged=exchanged)
+
+    def drifted(per_flight: float) -> Array:
+        drift = np.cumsum(normal(0.0, per_flight, shape), axis=1)
+        # a sensor that drifts stays where it is
+        return by_aircraft(lambda: drift) if exchanged else drift
 
     offset = by_aircraft(lambda: normal(0.0, 0.03, (n_pumps, 1)))
-    offset = offset + np.cumsum(normal(0.0, sensing.case_zero_drift_per_flight, shape), axis=1)
+    offset = offset + drifted(sensing.case_zero_drift_per_flight)
     failed = np.arange(n_flights) >= sensing.step_at
     offset += sensing.case_zero_step * failed
     # a span that was lost shows at rest as well, where the case holds the reservoir's pressure
     lost = (sensing.case_span - 1.0) * failed
     discharge = flights.discharge + normal(0.0, sensing.discharge_repeatability, shape)
-    discharge += np.cumsum(normal(0.0, sensing.discharge_drift_per_flight, shape), axis=1)
+    discharge += drifted(sensing.discharge_drift_per_flight)
     case = flights.case + offset + normal(0.0, sensing.case_repeatability, shape)
     jumped = rng.uniform(size=shape) < sensing.outlier
     case += np.where(jumped, rng.uniform(-1.0, 1.0, shape), 0.0)
@@ -132,9 +144,9 @@ def histories(
                 found = Zero(float(zero[i, j]), 0.008 if sensing.reservoir_measured else 0.1, True)
             observations.append(
                 Observation(
-                    record_id=f"{j:05d}",
+                    record_id=f"{j:05d}" if not exchanged else f"{j:05d}-{i}",
                     at=START + timedelta(hours=28.0 * int(j)),
-                    aircraft="A" if moved_at is None or j < moved_at else "B",
+                    aircraft=_aircraft(i, int(j), n_pumps, moved_at, exchanged=exchanged),
                     position="LH",
                     flight_id=str(j),
                     reduction=Reduction(
@@ -151,6 +163,14 @@ def histories(
             )
         result.append(History(tuple(observations)))
     return result
+
+
+def _aircraft(i: int, j: int, n_pumps: int, moved_at: int | None, *, exchanged: bool) -> str:
+    """Name of the aircraft of pump ``i`` on flight ``j``."""
+    moved = moved_at is not None and j >= moved_at
+    if exchanged:
+        return f"A{(i + n_pumps // 2) % n_pumps if moved else i}"
+    return "B" if moved else "A"
 
 
 def _saturated(case_bar: float, full_scale_bar: float) -> dict[str, Behaviour]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from detectors.bank.bank import FIRST_ONSETS, HEALTHY, SPAWN_EVERY, Bank
 from detectors.bank.hypotheses import FAULT_KINDS
 from detectors.bank.measurement import Measured, measured_windows
+from detectors.bank.position import exonerate, settle
 from detectors.bank.prediction import CASE
 from detectors.bank.window import Measurement
 from detectors.expectation.anchor import anchors, reference_condition
@@ -17,6 +18,18 @@ from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement.coverage import Coverage
 from detectors.judgement.estimates import estimates
 from detectors.judgement.events import MOVED, due, freed_by, viscosity_of
+from detectors.judgement.handover import (
+    FEWEST_RECORDS,
+    FromOthers,
+    Handover,
+    Inherited,
+    Left,
+    freed_of_position,
+    handed_over,
+    left_at,
+    survival_of,
+    with_left,
+)
 from detectors.judgement.isolation import (
     Alarm,
     Decision,
@@ -27,26 +40,30 @@ from detectors.judgement.isolation import (
     explained_by,
     fitting,
     leading_sensor,
+    showing,
     suspect,
 )
-from detectors.judgement.memory import Memory
+from detectors.judgement.memory import EXCHANGED, ON_THIS_RECORD, Memory
 from detectors.judgement.plausibility import (
     IMPLAUSIBLE_FLIGHTS,
-    SATURATED_BAR,
     Doubt,
     Reference,
     case_pressure,
     doubt,
     is_saturated,
 )
+from detectors.judgement.readings import lower_bound, measured_trend, quality_of
 from detectors.judgement.verdicts import Context, implausible, verdict_of
 from detectors.words.flights import Roles, outline_of, roles_of
-from detectors.words.numbers import Z_90
-from detectors.words.observation import History, Observation, Residual
+from detectors.words.observation import History, Maintenance, Observation
 from detectors.words.verdict import Assessment, CasePressure, Estimate, Fit, Quality, State, Verdict
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
+_NOTHING = FromOthers()
+_ALONE: Mapping[str, FromOthers] = {}
+_LIKELY = 0.5
+"""Probability that something is wrong with a position from which the alarm goes on for the next pump there."""
 
 
 def assess(
@@ -106,6 +123,9 @@ class Fold:
     verdict: Verdict | None = None
     used: int = 0
     at_place: int | None = None
+    place_records: int = 0
+    left: tuple[Left, ...] = ()
+    inherited: Inherited | None = None
     rejected: int = 0
     outside_curve: dict[str, int] = field(default_factory=dict)
     supplemented: bool = False
@@ -124,7 +144,12 @@ class Fold:
         self.reference = anchors([reference_condition(self.pump)], self.pump, self.circuit)[0][0]
 
     def continued(
-        self, observations: Sequence[Observation], roles: Roles, history: History, earlier: Sequence[Observation] = ()
+        self,
+        observations: Sequence[Observation],
+        roles: Roles,
+        history: History,
+        earlier: Sequence[Observation] = (),
+        others: Mapping[str, FromOthers] = _ALONE,
     ) -> Iterator[Assessment]:
         """Take what follows, one assessment per observation.
 
@@ -138,6 +163,8 @@ class Fold:
             Maintenance and installations count; its observations are not looked at.
         earlier
             Of the observations that were taken already those that later bursts add to.
+        others
+            What records take over from other pumps, by record.
         """
         bursts: dict[str, list[Observation]] = {}
         for observation in observations:
@@ -147,8 +174,7 @@ class Fold:
         measured = measured_windows(judged, bursts, self.pump, self.circuit, self.healthy)
         supplements = {burst: m for found in measured.values() for burst, m in found.supplements.items()}
         for observation in observations:
-            if self.latest is not None:
-                self.pass_over(self.latest, observation, history)
+            self._meet(observation, history, others.get(observation.record_id, _NOTHING))
             self.latest = Latest(observation.at, observation.aircraft, observation.position)
             self.rejected += sum(not w.accepted for w in observation.reduction.windows)
             found = measured.get(observation.record_id)
@@ -171,7 +197,7 @@ class Fold:
         elif found is not None:
             self.doubts, self.doubtful = 0, None
             if is_saturated(observation, self.pump):
-                found = _lower_bound(found)
+                found = lower_bound(found)
             self.learn(observation, found)
         elif observation.record_id in supplements and self.bank.learnt and not self.touched:
             # behind a reset its lines belong to what its flight's window did not see
@@ -183,7 +209,7 @@ class Fold:
         if reference is not None and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
             measured, limit = found.measurements[-1].values[CASE], self.thresholds["case_pressure_limit_bar"]
             self.case_pressure = case_pressure(float(measured), reference, limit, has_baseline=self._missing() <= 0)
-        return _measured_trend(observation, found.residuals)
+        return measured_trend(observation, found.residuals)
 
     def _reference(self, found: Measured | None) -> Reference | None:
         """What the healthy pump is expected to show in the window that the flight is judged by."""
@@ -196,19 +222,66 @@ class Fold:
         """Records that a baseline still needs; none or less when it stands."""
         return int(self.thresholds["baseline_records"]) - self.used
 
-    def pass_over(self, previous: Latest, observation: Observation, history: History) -> None:
+    def _meet(self, observation: Observation, history: History, others: FromOthers) -> None:
+        """What happened before a record, to this pump and with others."""
+        if self.latest is not None:
+            self.pass_over(self.latest, observation, history, others.handover)
+        elif others.handover is not None and others.handover.records >= FEWEST_RECORDS:
+            self._arrive(observation, history, others.handover)
+            self._do(due(history.maintenance, others.handover.at, observation.at))
+        if others.survival is not None and self.left:
+            exonerate(self.bank, self.left[-1].records, others.survival)
+
+    def pass_over(
+        self, previous: Latest, observation: Observation, history: History, handover: Handover | None = None
+    ) -> None:
         """What happened between two records: a move frees what stays behind, an entry what it names."""
-        moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
-        moved = moved or any(previous.at < t <= observation.at for t in history.installed_at)
         done = due(history.maintenance, previous.at, observation.at)
+        moved = _has_moved(previous, observation, history)
         if moved:
+            left = Left(previous.aircraft, previous.position, self.handover(done), self.bank.records)
+            self.left = with_left(self.left, left)
             self.bank.reset(MOVED, cures=False)
-            self.memory, self.at_place = self.memory.moved(), 0
-            self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
-            self.touched = True
+            self.memory = self.memory.moved()
         if moved or done:
             # a move resolves nothing; several entries between two records are one, and what ended with the first has ended
             self.bank.ended = self.bank.resolving = HEALTHY
+        if moved:
+            self._arrive(observation, history, handover)
+        self._do(done)
+
+    def handover(self, done: Sequence[Maintenance] = ()) -> Handover:
+        """What has been learnt of the position up to the last record, and what was done since."""
+        if self.latest is None:
+            raise ValueError("nothing was learnt yet: no record has been taken")
+        return handed_over(self.bank, self.thresholds, self.latest.at, self.place_records, done)
+
+    def survival(self) -> float | None:
+        """How far its records speak for what it took over being wrong with its position [nat]; None where it took over nothing."""
+        return survival_of(self.bank, self.thresholds, self.inherited)
+
+    def _arrive(self, observation: Observation, history: History, handover: Handover | None) -> None:
+        """At a position: with what the pump before has learnt there, or this one itself when it left; else with nothing."""
+        known = handover or left_at(self.left, observation.aircraft, observation.position)
+        self.at_place, self.place_records, self.touched, self.inherited = 0, 0, True, None
+        if known is None or known.records < FEWEST_RECORDS:
+            self.alarm = self.alarm.moved(int(self.thresholds["baseline_records"]))
+            return
+        self.place_records = known.records
+        settle(self.bank, known.position)
+        if known.position.wrong > _LIKELY:
+            self.alarm = replace(self.alarm, raised=True)
+        if handover is None:
+            return
+        self.inherited = Inherited(known.at, self.bank.records - 1, known.position.log_odds)
+        exchanged = max((t for t in history.installed_at if known.at < t <= observation.at), default=observation.at)
+        self.memory = self.memory.done(EXCHANGED, exchanged)
+        self.bank.ended = known.position.blamed
+        for event in known.done:
+            self.memory = self.memory.done(event.action, event.at)
+            self.bank.reset(freed_of_position(event))
+
+    def _do(self, done: Sequence[Maintenance]) -> None:
         for event in done:
             self.memory = self.memory.done(event.action, event.at)
             self.bank.reset(freed_by(event))
@@ -223,6 +296,7 @@ class Fold:
         self.touched = False
         self.coverage = self.coverage.grown(observation, found)
         self.used += 1
+        self.place_records += 1
         if self.at_place is not None:
             self.at_place += 1
         if self.used in FIRST_ONSETS or self.used % SPAWN_EVERY == 0:
@@ -239,7 +313,7 @@ class Fold:
     def conclude(self, observation: Observation) -> Verdict:
         """The verdict after this observation; a record that taught nothing repeats the last one."""
         previous = self.verdict
-        quality = self._quality()
+        quality = quality_of(self.used, self.rejected, self.coverage, (self.doubtful, self.doubts), self.outside_curve)
         unchanged = previous is not None and previous.quality.records_used == self.used and not self.supplemented
         self.supplemented = False
         if previous is None or not unchanged:
@@ -283,7 +357,7 @@ class Fold:
                 settling=self._settling(),
                 fit=fit,
                 intermittent=shown or vanished,
-                resolved_by=self.memory.resolved,
+                resolved_by=self.memory.resolved_where(healthy=decision.state is State.HEALTHY),
                 case_pressure=self.case_pressure,
                 sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
             ),
@@ -291,7 +365,7 @@ class Fold:
 
     def _settling(self) -> int:
         """Records that the reference of a new position still needs; 0 where the pump has never moved."""
-        return 0 if self.at_place is None else max(int(self.thresholds["baseline_records"]) - self.at_place, 0)
+        return 0 if self.at_place is None else max(int(self.thresholds["baseline_records"]) - self.place_records, 0)
 
     def _fit(self, found: Evidence, observation: Observation) -> Fit:
         """How far the leading cause explains the last records."""
@@ -302,57 +376,17 @@ class Fold:
     def _remember(self, decision: Decision, found: Evidence, observation: Observation) -> None:
         """Keep in mind what leads the alarm, and what ended."""
         # an entry has resolved nothing as long as something is still wrong
-        if self.bank.ended != HEALTHY and decision.state is State.HEALTHY:
+        new_here = self.at_place is not None and self.at_place < self.thresholds["alarm_records"]
+        if self.bank.ended != HEALTHY and decision.state is State.HEALTHY and not new_here:
             self.memory = self.memory.ended(FAULT_KINDS[self.bank.ended].state)
             self.bank.ended = HEALTHY
         if self.used:
-            self.memory = self.memory.after(suspect(decision, found), observation.at)
-
-    def _quality(self) -> Quality:
-        used, flags = self.used, []
-        without_zero, without_reservoir = used - self.coverage.zeros, used - self.coverage.reservoirs
-        if without_zero:
-            flags.append(
-                f"no pump-off zero in {without_zero} of {used} records: the case sensor's offset is carried as unknown"
-            )
-        reservoir = "measured"
-        if without_reservoir:
-            reservoir = "nominal" if without_reservoir == used else "mixed"
-            flags.append(
-                f"reservoir pressure not measured in {without_reservoir} of {used} records: "
-                "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
-            )
-        if self.doubtful is not None:
-            flags.append(
-                f"{self.doubtful.channel} {self.doubtful.why}: the last {self.doubts} record(s) are no evidence for pump or circuit"
-            )
-        flags += [
-            f"{n} of {used} records outside the measured healthy curve ({why}): judged against the twin"
-            for why, n in sorted(self.outside_curve.items())
-        ]
-        return Quality(used, self.rejected, reservoir, tuple(flags))
+            leader = suspect(decision, found)
+            shows = ON_THIS_RECORD if leader is None else showing(self.bank, found, leader)
+            self.memory = self.memory.after(leader, observation.at, shows)
 
 
-def _measured_trend(observation: Observation, residuals: Mapping[str, Residual]) -> dict[str, Estimate]:
-    trend = {}
-    for name, residual in residuals.items():
-        half = Z_90 * residual.standard_deviation
-        metric = f"{name.removesuffix('_pressure_bar')}_residual_bar"
-        trend[metric] = Estimate(residual.residual, residual.residual - half, residual.residual + half)
-    window = observation.reduction.zero_flow
-    for name in ("fluid_temperature_degc", "reservoir_pressure_bar"):
-        mean = window.means.get(name) if window is not None else None
-        if mean is not None:
-            half = Z_90 * mean.standard_error
-            trend[name] = Estimate(mean.mean, mean.mean - half, mean.mean + half)
-    return trend
-
-
-def _lower_bound(found: Measured) -> Measured:
-    """What a sensor at its full scale shows: at least that, give or take what a blocked drain may add."""
-    *rest, last = found.measurements
-    values, noise = last.values.copy(), last.noise.copy()
-    above, sd = SATURATED_BAR
-    values[CASE] += above
-    noise[CASE, CASE] += sd**2
-    return replace(found, measurements=(*rest, replace(last, values=values, noise=noise)))
+def _has_moved(previous: Latest, observation: Observation, history: History) -> bool:
+    """Whether a pump was put somewhere, or put in again, between its last record and another one."""
+    moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
+    return moved or any(previous.at < t <= observation.at for t in history.installed_at)

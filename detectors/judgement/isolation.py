@@ -9,9 +9,10 @@ import numpy as np
 
 from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS
-from detectors.bank.shapes import N_MOMENTS, N_WAYS, ON_OFF, REMEMBERED, WHOLE, Array, Meaning, Sums
+from detectors.bank.shapes import AS_STATED, N_MOMENTS, N_WAYS, ON_OFF, REMEMBERED, WHOLE, Array, Meaning, Sums
 from detectors.bank.summary import summed
 from detectors.bank.tables import ARRIVAL_FLOOR_LPM
+from detectors.judgement.memory import ON_THIS_RECORD, Showing
 from detectors.words.verdict import CAUSES, FAULTS, SIDE_OF, Fit, Intermittent, Side, State
 
 QUANTITIES: Mapping[str, tuple[str, ...]] = {
@@ -41,7 +42,8 @@ class Evidence:
     """Where the evidence stands after one record.
 
     ``log_odds`` is that of any fault against health [nat]; ``probabilities`` sum to 1 over healthy and faults;
-    ``weights`` are the filters' shares, shape (m,); ``shares`` are those of the faults and of ``other`` among what
+    ``weights`` are the filters' shares, shape (m,), ``by_prior`` those by the tempered likelihood under either prior, shape
+    (2, m); ``shares`` are those of the faults and of ``other`` among what
     changed since the first record, ``surely`` the least of them under either prior; ``arrival`` is the probability that
     the pump came worn; ``early`` says that the likeliest change set in before the baseline stood; ``together`` holds the
     shares of two faults by the first and the second, shape (n, n) in the order of ``FAULTS``;
@@ -51,6 +53,7 @@ class Evidence:
     log_odds: float
     probabilities: Mapping[State, float]
     weights: Array
+    by_prior: Array
     shares: Mapping[State, float]
     surely: Mapping[State, float]
     arrival: float
@@ -115,10 +118,12 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         log_odds=math.log(max(sum(changed[:-1]), 1.0e-300)) - math.log(max(changed[-1], 1.0e-300)),
         probabilities=_probabilities(whole, stated, neutral),
         weights=weights,
+        by_prior=sums.weights[AS_STATED:],
         shares=dict(zip(_CHANGES, (0.5 * (a + b) for a, b in zip(shares, alike, strict=True)), strict=True)),
         surely=dict(zip(_CHANGES, map(min, shares, alike), strict=True)),
         arrival=arrival,
-        early=bool(bank.filters.onset[int(weights.argmax())] < thresholds["baseline_records"]),
+        # what the pump before has handed on set in before the first record, against that pump's reference
+        early=bool(0 <= bank.filters.onset[int(weights.argmax())] < thresholds["baseline_records"]),
         together=sums.together,
         moments=sums.moments,
     )
@@ -224,6 +229,21 @@ def coming_and_going(bank: Bank, found: Evidence, state: State, since: datetime 
     asked = min(bank.records - int(filters.onset[leading]), REMEMBERED)
     shown = (int(filters.shown[leading]) & (2**asked - 1)).bit_count()
     return Intermittent(FAULT_KINDS[filters.kind[leading]].state, shown, asked, since)
+
+
+def showing(bank: Bank, found: Evidence, state: State) -> Showing:
+    """On which of the last records the fault that leads the alarm shows: on all of them unless it comes and goes."""
+    filters, kinds = bank.filters, bank.filters.kind[: bank.n]
+    rows = [f for f, k in enumerate(kinds.tolist()) if k >= 0 and FAULT_KINDS[k].state is state]
+    if not rows:
+        return ON_THIS_RECORD
+    leading = max(rows, key=lambda f: found.weights[f])
+    if filters.shape[leading] != ON_OFF:
+        return ON_THIS_RECORD
+    asked = min(bank.records - int(filters.onset[leading]), REMEMBERED)
+    shown = int(filters.shown[leading]) & (2**asked - 1)
+    # bits before this record, from the first one on which it showed
+    return Showing(bool(shown & 1), (shown >> 1).bit_count(), max(shown.bit_length() - 1, 0))
 
 
 def leading_sensor(bank: Bank, found: Evidence) -> str | None:

@@ -6,8 +6,23 @@ from datetime import datetime
 from detectors.words.states import State
 from detectors.words.verdict import Intermittent, Resolved
 
+EXCHANGED = "pump_exchanged"
+"""Word for an exchange beside the actions that can be entered."""
 _LEAST_RECORDS = 3
-"""Records with an alarm below which nothing is remembered (our choice: an alarm takes as many to be raised)."""
+"""Records on which a fault showed below which nothing is remembered (our choice: an alarm takes as many to be raised)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Showing:
+    """Whether a fault shows on a record, and on how many of how many records just before it showed as well."""
+
+    now: bool
+    before: int = 0
+    asked: int = 0
+
+
+ON_THIS_RECORD = Showing(True)
+"""A fault that does not come and go shows on every record of its alarm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +42,15 @@ class Entry:
 class Memory:
     """Alarms so far.
 
-    ``suspect`` leads the alarm that stands, which began ``since`` and has ``shown`` on so many records; ``past`` is
-    what came and went before, with the records on which it showed, and ``asked`` counts records since it came first.
+    ``suspect`` leads the alarm that stands, which began ``since``; it has ``shown`` on so many of the ``standing`` records
+    since it showed first. ``past`` is what came and went before, with the records on which it showed, and ``asked`` counts
+    records since it came first.
     """
 
     suspect: State | None = None
     since: datetime | None = None
     shown: int = 0
+    standing: int = 0
     past: State | None = None
     past_since: datetime | None = None
     past_shown: int = 0
@@ -49,22 +66,26 @@ class Memory:
 
     def moved(self) -> "Memory":
         """In another aircraft: what was suspected may have stayed behind, which is no coming and going."""
-        return replace(self, suspect=None, since=None, shown=0)
+        return replace(self, suspect=None, since=None, shown=0, standing=0)
 
     def ended(self, state: State) -> "Memory":
         """A fault has ended with the last entry: it is explained and no longer one that comes and goes."""
         if self.entry is None:
             return self
         found = Resolved(state, self.entry.words, self.entry.at)
-        return replace(self, suspect=None, since=None, shown=0, resolved=found)
+        return replace(self, suspect=None, since=None, shown=0, standing=0, resolved=found)
 
-    def after(self, leader: State | None, at: datetime) -> "Memory":
-        """After a record with an alarm led by ``leader``, or with none."""
+    def after(self, leader: State | None, at: datetime, showing: Showing = ON_THIS_RECORD) -> "Memory":
+        """After a record with an alarm led by ``leader``, or with none; ``showing`` says on which records that shows."""
         asked = self.asked + (self.past is not None)
         if leader is not None:
-            return replace(self, suspect=leader, since=self.since or at, shown=self.shown + 1, asked=asked)
+            began = self.suspect is not None
+            shown = (self.shown if began else showing.before) + showing.now
+            standing = (self.standing if began else showing.asked) + 1
+            since = self.since or at
+            return replace(self, suspect=leader, since=since, shown=shown, standing=standing, asked=asked)
         if self.suspect is None or self.shown < _LEAST_RECORDS:
-            return replace(self, suspect=None, since=None, shown=0, asked=asked)
+            return replace(self, suspect=None, since=None, shown=0, standing=0, asked=asked)
         first = self.past_since if self.past is self.suspect else self.since
         earlier = self.past_shown if self.past is self.suspect else 0
         return replace(
@@ -72,11 +93,17 @@ class Memory:
             suspect=None,
             since=None,
             shown=0,
+            standing=0,
             past=self.suspect,
             past_since=first,
             past_shown=earlier + self.shown,
-            asked=asked if earlier else self.shown + 1,
+            asked=asked if earlier else self.standing + 1,
         )
+
+    def resolved_where(self, *, healthy: bool) -> Resolved | None:
+        """What ended with what was done; an exchange is not said to have ended anything while something is wrong."""
+        found = self.resolved
+        return None if found is not None and not healthy and EXCHANGED in found.action.split("+") else found
 
     @property
     def came_and_went(self) -> Intermittent | None:

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaincinv
 
 from detectors.bank.bank import HEALTHY
 from detectors.bank.hypotheses import prior
 from detectors.expectation.components import PLACE
 from detectors.judgement.assessment import Fold
-from detectors.words.verdict import State
+from detectors.words.verdict import FAULTS, State
 from twin.parameters import PumpType
 
 Array = NDArray[np.float64]
@@ -39,6 +40,10 @@ Droop and the drain's weights are not learnt: their posteriors are far from Gaus
 simulated fleet narrower where it was wider."""
 _WORTH = 10.0
 """Pumps that the spread before is worth (our choice)."""
+_WORTH_RECORDS = 5000
+"""Records that a stated rate is worth (our choice: some five faults of each kind must be found before it gives way)."""
+MOST_TIMES = 5.0
+"""How many times the stated rate, or which part of it, findings may make of it (our choice)."""
 _TOLD = 0.9
 """A pump has said something of a component whose variance has fallen to this share of the prior's."""
 _N_DRAWS = 500
@@ -67,6 +72,50 @@ class Spread:
     low: float
     high: float
     pumps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """How often a fault sets in, in 1000 records: as it was and as findings have it, with the 90 % interval.
+
+    ``cases`` are findings of it, ``records`` those of the pumps that they were made on.
+    """
+
+    name: str
+    unit: str
+    before: float
+    value: float
+    low: float
+    high: float
+    cases: int
+    records: int
+
+
+def learnt_rates(cases: Mapping[State, int], records: int, pump: PumpType) -> tuple[Rate, ...]:
+    """Rates of onset from what the workshop found, as gamma posteriors: a few findings move them little.
+
+    Parameters
+    ----------
+    cases
+        Faults found, by state; entries that ended a deviation count as findings.
+    records
+        Of all pumps that could have had them, sound ones as well.
+
+    Notes
+    -----
+    A rate stays within ``MOST_TIMES`` of what the pump type states: what is found more often is also looked for more often.
+    """
+    found = []
+    for state in FAULTS:
+        name = f"{state.value}_onsets"
+        stated = pump.population[name]
+        shape, rate = stated.value * _WORTH_RECORDS / 1000.0 + cases.get(state, 0), (_WORTH_RECORDS + records) / 1000.0
+        mean, low, high = (
+            min(max(v, stated.value / MOST_TIMES), stated.value * MOST_TIMES)
+            for v in (shape / rate, *(float(gammaincinv(shape, q)) / rate for q in (0.05, 0.95)))
+        )
+        found.append(Rate(name, stated.unit, stated.value, mean, low, high, cases.get(state, 0), records))
+    return tuple(found)
 
 
 def posterior_of(fold: Fold) -> Posterior | None:

@@ -26,13 +26,13 @@ from twin.compiled import numba_version
 from twin.parameters import Circuit, PumpType
 from twin.sources import sources_hash
 
-_MAGIC = b"casedrain fold 3\n"
+_MAGIC = b"casedrain fold 4\n"
 _DIGEST = 32
 _QUICK = 1
 """Compression level: most of the bytes are mantissas, which no level makes much smaller."""
 _GIVEN_AGAIN = ("pump", "circuit", "thresholds", "healthy", "reference", "bank")
 """Fields of the fold that are given again or follow from what is; the bank is packed apart."""
-_APART = ("pump", "learnt", "filters", "base", "regulation", "freed", "line_scatter")
+_APART = ("pump", "kinds", "learnt", "filters", "base", "regulation", "freed", "line_scatter")
 """Fields of the bank that are no plain numbers."""
 
 

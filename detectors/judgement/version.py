@@ -3,7 +3,7 @@
 from functools import cache
 
 from detectors.expectation import residuals
-from detectors.judgement import assessment
+from detectors.judgement import assessment, succession
 from detectors.reduction import recording as reduction
 from detectors.words import thresholds
 from twin import operating_point
@@ -13,7 +13,7 @@ from twin.sources import sources_hash
 from twin.version import numbers_hash
 
 _HEX = 8
-_MODULES = (operating_point, fluids, reduction, residuals, assessment, thresholds)
+_MODULES = (operating_point, fluids, reduction, residuals, assessment, succession, thresholds)
 """From a recording to a verdict, with built-in priors and thresholds; everything that they import counts."""
 
 

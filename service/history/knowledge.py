@@ -1,7 +1,7 @@
 """What is known of a pump, now or at an earlier instant, gathered from the database for the fold."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any, TypeAlias, TypeVar
 
@@ -16,7 +16,7 @@ from service.history.archive import Archive
 from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, misdated, names_alike, remarks_on
 from service.history.dossier import ChangedError, Dossier
 from service.history.healthy_curves import healthy_curve
-from service.history.known import Known, Observations, PlacedRecord
+from service.history.known import Known, Observations, Others, PlacedRecord
 from service.history.neighbours import copied_elsewhere, counting, look_alikes, place_taken, said_by
 from service.history.placement import Interval, Place, changes, place_at
 from service.history.setting import Setting, setting_at
@@ -59,7 +59,8 @@ class Knowledge:
     pump type than they were made with. ``flight_hours`` are those of the records that state them. ``copies`` are
     records whose samples are another's, or whose date is wrong, which are evidence of nothing. ``incoming`` is the
     analysis of a record that comes, ``contradicted`` what records of other pumps say against it, ``without_outline``
-    are records older than outlines.
+    are records older than outlines. ``others`` gives what records take over
+    from other pumps: nothing until somebody has looked for them (``service.monitoring.succession``).
     """
 
     known: Known
@@ -71,6 +72,7 @@ class Knowledge:
     incoming: Mapping[str, RecordAnalysis]
     contradicted: tuple[bool, bool]
     without_outline: tuple[str, ...]
+    others: Others = field(default_factory=dict)
 
     def observations(self, session: Session) -> Observations:
         """What reads the observations of records from the database."""
@@ -153,7 +155,7 @@ def knowledge(
     marks = marks_of(session, pump.id, known_at) if may_have("marks") else {}
     older = [row.id for row in rows if row.reduction_digest is None]
     without_outline = {i: ReductionOutline.of(d) for i, d in _reductions(session, older).items() if d is not None}
-    maintenance = _maintenance(session, pump.id, known_at) if may_have("maintenance") else ()
+    maintenance = maintenance_of(session, pump.id, known_at) if may_have("maintenance") else ()
     own = [said_by(pump.serial, row) for row in rows]
     remarks, again = remarks_on(own, _elsewhere(rows), maintenance), copies(own) | misdated(own, maintenance)
     for row in rows:
@@ -282,7 +284,7 @@ def entries(
     return session.scalars(query.order_by(table.row_id)).all()
 
 
-def _maintenance(session: Session, pump_id: int, known_at: datetime | None) -> tuple[Maintenance, ...]:
+def maintenance_of(session: Session, pump_id: int, known_at: datetime | None) -> tuple[Maintenance, ...]:
     """What was done to a pump, in an order that does not depend on when it was entered."""
     found = entries(session, MaintenanceEvent, pump_id, known_at)
     events = (Maintenance(e.at, e.action, e.fluid, e.channel) for e in found)

@@ -1,10 +1,11 @@
 """Everything that a pump's verdicts are a function of: gathered here, folded above."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from detectors.expectation.type_correction import HealthyCurve
+from detectors.judgement.handover import FromOthers
 from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Observation
 from service.history.setting import Setting
@@ -12,6 +13,9 @@ from twin.parameters import PumpType
 
 Observations = Callable[[Sequence[str]], Mapping[str, Observation]]
 """Gives the observations of records: those that the fold needs, and no others."""
+Others = Mapping[str, FromOthers]
+"""What records take over from other pumps, by record, looked up as they are asked for; most take over nothing."""
+ALONE: Others = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,7 @@ class Known:
 
     ``placed`` is in event order: by instant, then by record.
     ``remarks`` are on the pump itself, whatever its records say.
+    ``borrowed`` names, by record, what that record takes over from other pumps.
     ``healthy`` is the pump type's measured curve that stands in for the twin's, None where nobody has measured one.
     """
 
@@ -43,6 +48,7 @@ class Known:
     installation_changes: tuple[datetime, ...] = ()
     healthy: HealthyCurve | None = None
     remarks: tuple[str, ...] = ()
+    borrowed: Mapping[str, tuple[object, ...]] = field(default_factory=dict)
 
     def healthy_in(self, setting: Setting) -> HealthyCurve | None:
         """The measured curve where it holds: it was measured with the pump type's own fluid."""

@@ -15,6 +15,7 @@ from service.identity import software
 from service.keeping.container import Target, Written, written
 from service.keeping.manifest import BUNDLE, MANIFEST, RAW_LIST, described, raw_name, rows_name, sealed
 from service.keeping.rows import lines_of
+from service.monitoring.succession import neighbours_at
 from service.reading import queries
 from service.reading.forecast import with_crossing
 from service.storage.database import Database
@@ -107,19 +108,19 @@ def _write(session: Session, raw_store: RawStore, pump: Pump, target: Target) ->
 
 
 def _neighbours(session: Session, pump: Pump) -> list[int]:
-    """The pump and all of its operator that sat where it sat, by record or by entry."""
-    places: set[tuple[str | None, str | None]] = set()
-    for table in (Record, Installation):
-        said = select(table.aircraft, table.position).where(table.pump_id == pump.id).distinct()
-        places |= {(aircraft, position) for aircraft, position in session.execute(said)}
-    found = {pump.id}
-    own = select(Pump.id).where(Pump.operator == pump.operator)
-    for aircraft, position in places:
+    """The pump and all of its operator that sat where it sat, by record or by entry, and where those sat, and so on.
+
+    What one pump has learnt of a position is taken over by the next, which hands on what it took over.
+    """
+    found, new = {pump.id}, {pump.id}
+    seen: set[tuple[str, str]] = set()
+    while new:
+        places: set[tuple[str, str]] = set()
         for table in (Record, Installation):
-            there = select(table.pump_id).where(
-                table.aircraft == aircraft, table.position == position, table.pump_id.in_(own)
-            )
-            found |= {int(i) for i in session.scalars(there.distinct()) if i is not None}
+            said = select(table.aircraft, table.position).where(table.pump_id.in_(new)).distinct()
+            places |= {(row.aircraft, row.position) for row in session.execute(said) if row.aircraft is not None}
+        new = neighbours_at(session, pump.operator, places - seen) - found
+        seen, found = seen | places, found | new
     return sorted(found)
 
 

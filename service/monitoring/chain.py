@@ -9,6 +9,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
+from detectors.judgement import succession
 from detectors.judgement.snapshot import judge_version
 from detectors.words.flights import roles_of
 from service.history import codec
@@ -46,7 +47,8 @@ def _of_piece(known: Known, first: int, end: int, versions: tuple[object, ...]) 
         outline = here.outline
         names = (outline.record_id, outline.aircraft, outline.position, outline.flight_id, outline.segment)
         role = (outline.record_id in roles.counted, roles.adds_to.get(outline.record_id))
-        links.append(_link(links[-1], outline.at.isoformat(), names, here.digest, role, events))
+        borrowed = known.borrowed.get(outline.record_id, ())
+        links.append(_link(links[-1], outline.at.isoformat(), names, here.digest, role, events, borrowed))
     return links[1:]
 
 
@@ -69,5 +71,5 @@ def _link(*parts: Any) -> str:
 
 @cache
 def own_sources() -> str:
-    """Hash of the code between the judge and a stored assessment."""
-    return sources_hash(codec.__name__, fold.__name__)
+    """Hash of the code between the judge and a stored assessment, and of who takes over from whom."""
+    return sources_hash(codec.__name__, fold.__name__, succession.__name__)

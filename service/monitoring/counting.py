@@ -15,9 +15,9 @@ from service.history.neighbours import copied_elsewhere, look_alikes, newly_cont
 from service.identity import release_number
 from service.ingest.decode import DecodedRecord
 from service.monitoring.flights import check_flight
-from service.monitoring.folded import Cause, Folded, folded, keep
+from service.monitoring.folded import Cause, Folded, folded
 from service.monitoring.precedence import made_with
-from service.monitoring.refold import TRIES, claimed, outside_unchanged, queue_of, refold_others
+from service.monitoring.refold import TRIES, claimed, kept, outside_unchanged, queue_of, refold_others
 from service.monitoring.renewal import reduced_again
 from service.monitoring.settling import Settling
 from service.monitoring.surroundings import Surroundings
@@ -152,7 +152,7 @@ class Counting:
         )
         if taken.rowcount != 1:
             raise ChangedError
-        keep(session, known.pump, made, Cause("record_received", row.id))
+        kept(session, known.pump, made, self._archive, Cause("record_received", row.id))
 
 
 def _is_older(pump: Pump) -> bool:

@@ -9,7 +9,7 @@ from detectors.judgement.snapshot import snapshot
 from detectors.words.flights import roles_of
 from detectors.words.observation import History
 from detectors.words.verdict import Assessment, Verdict
-from service.history.known import Known, Observations, PlacedRecord, pieces
+from service.history.known import ALONE, Known, Observations, Others, PlacedRecord, pieces
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +29,12 @@ class Step:
     snapshot: bytes | None
 
 
-def fold(known: Known, observations: Observations) -> tuple[Assessment, ...]:
+def fold(known: Known, observations: Observations, others: Others = ALONE) -> tuple[Assessment, ...]:
     """Assess a pump's history from its first record on, record by record in event order.
 
     Where the surroundings change, what follows is judged in the new ones; what came before keeps its verdicts.
     """
-    return tuple(step.assessment for step in steps(known, observations))
+    return tuple(step.assessment for step in steps(known, observations, others=others))
 
 
 def steps(
@@ -42,6 +42,7 @@ def steps(
     observations: Observations,
     start: Start | None = None,
     snapshots_at: Collection[int] = (),
+    others: Others = ALONE,
     until: int | None = None,
 ) -> Iterator[Step]:
     """Fold from a start on; the answers are those of a fold from the first record on.
@@ -52,6 +53,8 @@ def steps(
         Taken from a fold of the same history up to there; None for the beginning.
     snapshots_at
         Numbers of records behind which a snapshot is wanted.
+    others
+        What records take over from other pumps.
     until
         Number of the last record that is assessed; None for the last there is.
     """
@@ -77,7 +80,7 @@ def steps(
         ids = [o.record_id for o in outlines[begin : min(end, last)]]
         earlier = sorted({roles.adds_to[i] for i in ids if i in roles.adds_to} - set(ids))
         found = observations([*earlier, *ids])
-        assessments = held.continued([found[i] for i in ids], roles, history, [found[i] for i in earlier])
+        assessments = held.continued([found[i] for i in ids], roles, history, [found[i] for i in earlier], others)
         for number, assessment in enumerate(assessments, begin + 1):
             if number <= first:
                 continue

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
+from detectors.judgement.succession import Seat
 from detectors.words.verdict import Assessment
 from service.alarms.ledger import actions_of, follow, point_of_row
 from service.alarms.life_cycle import Life, Point, lives, rules_of
@@ -21,6 +22,7 @@ from service.monitoring import snapshots
 from service.monitoring.chain import chain
 from service.monitoring.fold import Start, Step, steps
 from service.monitoring.snapshots import Kept
+from service.monitoring.succession import with_neighbours
 from service.storage.tables import Pump, Record, StoredAssessment, VerdictRevision
 
 _MOST_IDS = 500
@@ -55,6 +57,8 @@ class Folded:
         Rows that are new, or take the place of ``gone`` ones, by record.
     before
         Instant and state of those that go, by record.
+    seats
+        Where the pump's records lay by what was stored.
     kept
         Snapshots.
     alarms
@@ -69,6 +73,7 @@ class Folded:
     links: Sequence[str]
     assessments: Sequence[StoredAssessment]
     before: Mapping[str, tuple[datetime, str]]
+    seats: Sequence[Seat]
     goes_whole: bool
     kept: Kept
     alarms: tuple[Life, ...] | None
@@ -109,7 +114,9 @@ def folded(
     GivenUpError
         when ``given_up`` has said so.
     """
-    found = knowledge(session, pump, archive, dossier=dossier, incoming=incoming)
+    found = with_neighbours(
+        session, pump, archive, knowledge(session, pump, archive, dossier=dossier, incoming=incoming)
+    )
     version = found.twin_version
     links = chain(found.known, version, found.thresholds.version)
     stored = _stored(session, pump)
@@ -144,6 +151,7 @@ def folded(
         links,
         rows,
         {i: (stored[i].at, stored[i].state) for i in gone},
+        [Seat(row.at, i, pump.id, (row.aircraft, row.position)) for i, row in stored.items()],
         len(gone) == len(stored),
         kept,
         _alarms(session, pump, found, dossier, [*(stored[i] for i in _ids(placed, 0, same)), *rows])
@@ -201,7 +209,7 @@ def _made(
     places = snapshots.wanted(start, end, n)
     assessments: list[Assessment] = []
     taken: dict[int, Step] = {}
-    made = steps(found.known, found.observations(session), start, places, end)
+    made = steps(found.known, found.observations(session), start, places, found.others, end)
     for number, step in enumerate(made, begin + 1):
         if number > same:
             assessments.append(step.assessment)
@@ -226,6 +234,8 @@ _KEPT = (
     StoredAssessment.at,
     StoredAssessment.state,
     StoredAssessment.chain,
+    StoredAssessment.aircraft,
+    StoredAssessment.position,
     StoredAssessment.side,
     StoredAssessment.candidates,
     StoredAssessment.case_flow_lpm,

@@ -19,6 +19,7 @@ from service.errors import Invalid, TooLarge
 from service.history.archive import Archive
 from service.history.knowledge import entries, knowledge
 from service.monitoring.reanalysis import points_of_fold, pumps_of
+from service.monitoring.succession import with_neighbours
 from service.storage.tables import ANALYSED, Finding, Pump, Record
 from service.storage.tables.history import NO_FAULT_FOUND
 from service.thresholds.layers import Candidate, Scope, thresholds_of, value_faults
@@ -86,7 +87,7 @@ def compared(session: Session, archive: Archive, pump: Pump, scope: Scope, value
     """One pump's alarms with today's thresholds beside those with a candidate for one layer."""
     now = thresholds_of(session, pump.operator, pump.serial, pump.pump_type)
     wanted = thresholds_of(session, pump.operator, pump.serial, pump.pump_type, candidate=Candidate(scope, values))
-    then = knowledge(session, pump, archive, thresholds=wanted)
+    then = with_neighbours(session, pump, archive, knowledge(session, pump, archive, thresholds=wanted))
     points = points_of(session, pump.id)
     others = points_of_fold(session, then)
     before, after = lives(points, (), rules_of(now.values)), lives(others, (), rules_of(wanted.values))

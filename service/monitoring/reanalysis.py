@@ -22,6 +22,7 @@ from service.identity import software
 from service.monitoring.fold import fold
 from service.monitoring.precedence import held_by, left_to_newer, newer_release
 from service.monitoring.refold import REPROCESSED, Cause, apart, refold
+from service.monitoring.succession import with_neighbours
 from service.pump_types.parameter_sets import held_type
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, Pump, Record
@@ -192,6 +193,8 @@ def rehearsed(
         pump = session.get_one(Pump, pump_id)
         before, old_rules = points_of(session, pump_id), _rules(session, pump)
         found = _known(session, archive, pump, wanted, reduce_anew=reduce_anew)
+        # the others are of the type that this pump still has
+        found = with_neighbours(session, pump, archive, found, kind=pump.pump_type)
         after = points_of_fold(session, found)
         alarms = gained_and_lost(lives(before, (), old_rules), lives(after, (), rules_of(found.thresholds.values)))
         return _change(pump, before, after, alarms, twin_version(found.known.kind), found.thresholds.version)
@@ -200,7 +203,7 @@ def rehearsed(
 def points_of_fold(session: Session, found: Knowledge) -> list[Point]:
     """What alarms need of a history, folded without being stored."""
     flights = {p.outline.record_id: p.outline.flight_id for p in found.known.placed}
-    assessments = fold(found.known, found.observations(session))
+    assessments = fold(found.known, found.observations(session), found.others)
     return [
         point_of(a.record_id, a.at, verdict_to_json(a.verdict, "", 0, software().to_json()), flights[a.record_id])
         for a in assessments

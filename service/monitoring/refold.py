@@ -1,9 +1,10 @@
 """Fold a pump anew and store its verdicts: apart from other writers where it can be, under the pump's lock where it must."""
 
 import threading
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 
 import structlog
 from sqlalchemy import ColumnElement, or_, select, update
@@ -21,16 +22,28 @@ from service.ingest.names import look_of
 from service.monitoring.fold import fold
 from service.monitoring.folded import Cause, Folded, folded, keep
 from service.monitoring.precedence import left_to_newer, made_with, take_over
+from service.monitoring.succession import Neighbourhood, Seat, seats_of_known, successors, with_neighbours
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
-from service.storage.database import Database
+from service.storage.database import Database, afterwards
 from service.storage.tables import Pump
 
-__all__ = ["REPROCESSED", "Cause", "apart", "claimed", "queue_of", "refold", "refold_others", "verdict_known_at"]
+__all__ = [
+    "REPROCESSED",
+    "Cause",
+    "apart",
+    "claimed",
+    "kept",
+    "queue_of",
+    "refold",
+    "refold_others",
+    "verdict_known_at",
+]
 REPROCESSED = Cause("reprocessed")
 TRIES = 3
 """Folds without the lock that may find their pump changed; the next one is made under it, so that all come to an end."""
 _queues = [threading.Lock() for _ in range(64)]
+_held = threading.local()
 log = structlog.get_logger("casedrain")
 
 
@@ -62,7 +75,7 @@ def refold(
     made = folded(session, pump, archive, from_scratch=from_scratch)
     pump.pump_type = made.found.kind
     take_over(pump, whole=True)
-    keep(session, pump, made, cause)
+    kept(session, pump, made, archive, cause)
 
 
 def apart(database: Database, archive: Archive, pump_id: int, cause: Cause = REPROCESSED) -> None:
@@ -114,8 +127,44 @@ def attempted(
     with database.writing() as session:
         if not claimed(session, known, made, *outside_unchanged(known)):
             return False
-        keep(session, known.pump, made, cause)
+        kept(session, known.pump, made, archive, cause)
     return True
+
+
+def kept(session: Session, pump: Pump, made: Folded, archive: Archive, cause: Cause) -> None:
+    """Store what a pump was folded to; pumps that take over from it are folded anew once that is committed.
+
+    Then its own again, where it took over from another pump that may have changed while it was folded: of two folds that
+    met, the one that is stored last sees the other.
+    """
+    keep(session, pump, made, cause)
+    changed = frozenset(made.before).union(row.record_id for row in made.assessments)
+    if changed:
+        seats = (made.seats, seats_of_known(pump.id, made.found.known))
+        again = not changed.isdisjoint(made.found.known.borrowed)
+        afterwards(session, partial(_told, archive=archive, pump_id=pump.id, changed=changed, seats=seats, again=again))
+
+
+def _told(
+    database: Database,
+    archive: Archive,
+    pump_id: int,
+    changed: frozenset[str],
+    seats: tuple[Sequence[Seat], Sequence[Seat]],
+    *,
+    again: bool,
+) -> None:
+    waiting: list[Callable[[], None]] | None = getattr(_held, "waiting", None)
+    if waiting is not None:  # their own queues may be the one that this thread stands in
+        waiting.append(partial(_told, database, archive, pump_id, changed, seats, again=again))
+        return
+    with database.reading() as session:
+        pump = session.get(Pump, pump_id)
+        if pump is None:
+            return
+        others = successors(Neighbourhood(session, archive), pump, *seats, changed)
+        cause = Cause("neighbour_changed", pump.serial)
+    refold_others(database, archive, others | ({pump_id} if again else set()), cause)
 
 
 def claimed(session: Session, known: Dossier, made: Folded, *conditions: ColumnElement[bool]) -> bool:
@@ -142,9 +191,18 @@ def outside_unchanged(known: Dossier) -> list[ColumnElement[bool]]:
 
 @contextmanager
 def queue_of(operator: str, serial: str) -> Iterator[None]:
-    """One after the other within this process: folds of one pump at the same time would only find each other's changes."""
-    with _queues[hash((operator, serial)) % len(_queues)]:
-        yield
+    """One after the other within this process: folds of one pump at the same time would only find each other's changes.
+
+    What other pumps are told of it, they are told behind the queue.
+    """
+    _held.waiting = waiting = []
+    try:
+        with _queues[hash((operator, serial)) % len(_queues)]:
+            yield
+    finally:
+        _held.waiting = None
+    for tell in waiting:
+        tell()
 
 
 def refold_others(database: Database, archive: Archive, pump_ids: Collection[int], cause: Cause) -> None:
@@ -169,8 +227,8 @@ def verdict_known_at(
     Unavailable
         when a record must be analysed as it was then and its raw bytes are gone.
     """
-    found = knowledge(session, pump, archive, known_at)
-    assessments = [a for a in fold(found.known, found.observations(session)) if at is None or a.at <= at]
+    found = with_neighbours(session, pump, archive, knowledge(session, pump, archive, known_at), known_at)
+    assessments = [a for a in fold(found.known, found.observations(session), found.others) if at is None or a.at <= at]
     if not assessments:
         return empty_verdict(found.known.kind, found.thresholds)
     last, made_by = assessments[-1].verdict, software().to_json()

@@ -13,6 +13,7 @@ from service.history.analysis import observation_of
 from service.history.dossier import dossier
 from service.history.healthy_curves import healthy_curve
 from service.history.knowledge import counting_records, entries, installation_intervals, setting_of
+from service.history.known import ALONE, Others
 from service.history.placement import changes, place_at
 from service.history.setting import Setting
 from service.pump_types.parameter_sets import held_type
@@ -29,9 +30,16 @@ class FoundCurve:
 
 
 def curve_of(
-    session: Session, pump: Pump, at: datetime | None, speed_rpm: float | None, fluid_temperature_degc: float | None
+    session: Session,
+    pump: Pump,
+    at: datetime | None,
+    speed_rpm: float | None,
+    fluid_temperature_degc: float | None,
+    others: Others = ALONE,
 ) -> FoundCurve:
     """Curve of a pump from its records up to ``at``, brought to the chosen or the latest condition.
+
+    ``others`` is what its records take over from other pumps (``service.monitoring.succession``).
 
     The history is folded as it is stored: what an older release has reduced is not read again for a picture.
     """
@@ -62,7 +70,7 @@ def curve_of(
     measured = healthy_curve(session, pump.operator, pump.pump_type) if setting.has_own_fluid(base) else None
     history = History(tuple(observations), maintenance, changes(intervals))
     curve = damage_identification_curve(
-        history, kind, setting.circuit_parameters, thresholds.values, condition, measured
+        history, kind, setting.circuit_parameters, thresholds.values, condition, measured, others
     )
     return FoundCurve(curve, curve_document(curve))
 

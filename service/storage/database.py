@@ -2,7 +2,7 @@
 
 import fcntl
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ _POOL_TIMEOUT_S = 10
 """Longest wait for a connection of the pool; then the request is told to come back."""
 _MIGRATION_LOCK = 7_263_901_455
 """Number of the advisory lock that whoever migrates holds (our choice)."""
+_AFTERWARDS = "afterwards"
 _LOCK_TIMEOUT_MS = 30_000
 """Longest wait for what another transaction holds: a pump that is folded, a table that is migrated."""
 
@@ -59,7 +60,10 @@ class Database:
 
     @contextmanager
     def writing(self) -> Iterator[Session]:
-        """Session whose block is one transaction: committed at the end, rolled back on any error."""
+        """Session whose block is one transaction: committed at the end, rolled back on any error.
+
+        What was put off until then (``afterwards``) is done behind the commit, in transactions of its own.
+        """
         # SQLite wakes nobody who waits for its writer's lock: they look again after ever longer pauses, and some for seconds
         waits = self.is_sqlite and self._turn.acquire(timeout=_LOCK_TIMEOUT_MS / 1e3)
         try:
@@ -68,6 +72,8 @@ class Database:
         finally:
             if waits:
                 self._turn.release()
+        for then in session.info.pop(_AFTERWARDS, ()):
+            then(self)
 
     @contextmanager
     def snapshot(self) -> Iterator[Session]:
@@ -108,6 +114,11 @@ class Database:
     def close(self) -> None:
         """Close every pooled connection."""
         self.engine.dispose()
+
+
+def afterwards(session: Session, then: Callable[[Database], None]) -> None:
+    """Put something off until a session of ``Database.writing`` has been committed; it is dropped where that fails."""
+    session.info.setdefault(_AFTERWARDS, []).append(then)
 
 
 def _engine(url: str) -> Engine:

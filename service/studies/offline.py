@@ -9,7 +9,7 @@ from typing import Any
 
 from detectors.curve.points import Curve, damage_identification_curve, latest_condition
 from detectors.expectation.residuals import window_residuals
-from detectors.judgement.assessment import assess
+from detectors.judgement.succession import Judged, assess_together
 from detectors.judgement.version import twin_version
 from detectors.reduction.recording import reduce_recording
 from detectors.words.observation import History, Observation, Residual
@@ -30,7 +30,7 @@ from service.ingest.upload_files import content_type_of
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
 from service.storage.raw_store import content_hash
-from twin.parameters import PumpType
+from twin.parameters import Circuit, PumpType
 from twin.pumps import circuit_parameters, pump_type
 
 
@@ -119,7 +119,7 @@ def analyse_files(
         files[observation.record_id] = AnalysedFile(
             path, metadata.pump_serial, observation, residuals, said, traits.remarks
         )
-    pumps = []
+    gathered: list[_Gathered] = []
     for (serial, name), files in sorted(by_pump.items()):
         kind = instead or pump_type(name)
         own = [f.said for f in files.values()]
@@ -128,15 +128,31 @@ def analyse_files(
             replace(f.observation, reduction=without_evidence(f.observation.reduction)) if i in again else f.observation
             for i, f in files.items()
         )
-        thresholds = effective({}, kind)
-        history = History(observations)
-        assessments = assess(history, kind, circuit, thresholds)
+        gathered.append((serial, kind, files, History(observations), _flags(files, own)))
+    pumps = []
+    for (serial, kind, files, history, flags), judged in zip(gathered, _together(gathered, circuit), strict=True):
+        observations, thresholds, assessments = history.observations, effective({}, kind), judged.assessments
         condition = latest_condition(observations, kind)
-        curve = damage_identification_curve(history, kind, circuit, thresholds, condition)
+        curve = damage_identification_curve(history, kind, circuit, thresholds, condition, others=judged.others)
         verdict = _verdict(assessments, files, kind, thresholds)
-        verdict["quality"]["flags"] += _flags(files, own)
+        verdict["quality"]["flags"] += flags
         pumps.append(AnalysedPump(serial, tuple(files.values()), assessments, verdict, curve))
     return OfflineAnalysis(tuple(pumps), tuple(refused))
+
+
+_Gathered = tuple[str, PumpType, dict[str, AnalysedFile], History, list[str]]
+"""Serial, type, files, history and flags of a pump."""
+
+
+def _together(gathered: Sequence[_Gathered], circuit: Circuit) -> list[Judged]:
+    """Pumps of one type judged together, as a service does it, in the order given."""
+    found: dict[int, Judged] = {}
+    for name in {kind.name for _, kind, *_ in gathered}:
+        places = [i for i, (_, kind, *_) in enumerate(gathered) if kind.name == name]
+        kind = gathered[places[0]][1]
+        judged = assess_together([gathered[i][3] for i in places], kind, circuit, effective({}, kind))
+        found |= dict(zip(places, judged, strict=True))
+    return [found[i] for i in range(len(gathered))]
 
 
 def _said(metadata: RecordMetadata, record_id: str, traits: Traits) -> Said:

@@ -35,6 +35,7 @@ def evidence(log_odds: float = 10.0, arrival: float = 0.0, **shares: float) -> E
         log_odds=log_odds,
         probabilities={},
         weights=np.empty(0),
+        by_prior=np.empty((2, 0)),
         shares=found,
         surely=found,
         arrival=arrival,

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 
-from detectors.judgement.memory import Entry, Memory
+from detectors.judgement.memory import Entry, Memory, Showing
 from detectors.words.states import State
 from detectors.words.verdict import Intermittent, Resolved
 
@@ -51,6 +51,15 @@ def test_a_fault_that_returns_is_counted_on() -> None:
     # another fault that came and went is another memory
     other = after(memory, [WORN] * 3 + [None] * 2, 14)
     assert other.came_and_went == Intermittent(WORN, 3, 5, day(14))
+
+
+def test_a_fault_that_comes_and_goes_counts_where_it_showed() -> None:
+    """It had shown on two of the last five records when the alarm began, and on every second one of the next six."""
+    memory = Memory().after(DRAIN, day(5), Showing(True, 2, 5))
+    for i in range(1, 6):
+        memory = memory.after(DRAIN, day(5 + i), Showing(i % 2 == 0))
+    found = memory.after(None, day(11)).came_and_went
+    assert found == Intermittent(DRAIN, 2 + 3, 5 + 6 + 1, day(5))
 
 
 def test_who_led_last_is_what_is_remembered() -> None:

@@ -6,13 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from detectors.bank.hypotheses import prior
+from detectors.bank.bank import Bank
+from detectors.bank.hypotheses import FAULT_KINDS, hazards_of, log_priors, prior
+from detectors.bank.shapes import ARRIVAL
+from detectors.bank.tables import LOG_ARRIVAL
 from detectors.evaluation.reality import REALITIES, fleet
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.expectation.components import N_STATE, PLACE
 from detectors.judgement.assessment import Fold, outline_of
-from detectors.judgement.population import FEWEST_PUMPS, Posterior, learnt, posterior_of
+from detectors.judgement.population import FEWEST_PUMPS, Posterior, learnt, learnt_rates, posterior_of
+from detectors.judgement.version import twin_version
 from detectors.words.flights import roles_of
+from detectors.words.states import FAULTS as FAULT_STATES
+from detectors.words.states import State
 from detectors.words.thresholds import effective
 from tests.detectors.fleet import CIRCUIT, FAULTS, PUMP, history
 
@@ -104,3 +110,33 @@ def test_a_worn_pump_and_a_new_one_do_not_count() -> None:
         observations = list(h.observations)
         assert len(list(fold.continued(observations, roles_of([outline_of(o) for o in observations]), h))) == n
         assert posterior_of(fold) is None
+
+
+def test_rates_of_onset_follow_findings_and_never_run_away() -> None:
+    """Five faults in 5000 records are what is stated: nothing moves; none found, fewer; many found, five times at most."""
+    as_stated = {r.name: r for r in learnt_rates({State.DRAIN_RESTRICTION: 5}, 5000, PUMP)}
+    drain = as_stated["drain_restriction_onsets"]
+    assert drain.value == pytest.approx(1.0)
+    assert drain.low < 1.0 < drain.high
+    # ten cases, five stated and five found: a gamma law of shape ten
+    assert (drain.low, drain.high) == pytest.approx((0.543, 1.571), abs=0.001)
+    assert as_stated["system_leakage_onsets"].value == pytest.approx(0.5)
+    assert {r.name.removesuffix("_onsets") for r in as_stated.values()} == {s.value for s in FAULT_STATES}
+    extreme = learnt_rates({State.DRAIN_RESTRICTION: 500}, 10**7, PUMP) + learnt_rates(
+        dict.fromkeys(FAULT_STATES, 900), 10, PUMP
+    )
+    assert {r.value for r in extreme} == {0.2, 5.0}
+
+
+def test_a_type_with_other_rates_has_other_priors_and_no_other_type_has() -> None:
+    """Twice as many drains: two to the power of one more in the prior of every drain fault, nothing else moves."""
+    usual = log_priors(LOG_ARRIVAL)
+    assert np.array_equal(log_priors(LOG_ARRIVAL, hazards_of(PUMP)), usual)
+    twice = replace(PUMP.population["drain_restriction_onsets"], value=2.0)
+    other = replace(PUMP, population={**PUMP.population, "drain_restriction_onsets": twice})
+    is_drain = np.array([k.state is State.DRAIN_RESTRICTION for k in FAULT_KINDS])
+    more = np.zeros_like(usual)
+    more[..., is_drain] = math.log(2.0)
+    more[:, ARRIVAL] = 0.0  # how a pump came is a question of its own
+    assert Bank(other).kinds.log_priors == pytest.approx(usual + more)
+    assert twin_version(other) != twin_version(PUMP)

@@ -28,6 +28,10 @@ def test_a_fleet_becomes_a_pump_type_of_its_own(
         store(context, history(seed, 30).observations, f"P-{seed}", "north")
     store(context, history(9, 30, FAULTS["worn"]).observations, "P-worn", "north")
     store(context, history(10, 12).observations, "P-new", "north")
+    # what the workshop found is a case in 282 records; that it found nothing is none
+    for serial, found in (("P-worn", "pump_degradation"), ("P-1", "no_fault_found")):
+        entry = {"at": "2026-03-01T00:00:00Z", "found": found}
+        assert client.post(f"{API}/pumps/{serial}/findings?operator=north", json=entry).status_code == 201
     with pytest.raises(Invalid) as refused:
         learn(context.database, context.archive, "h225", "h225-south", "south")
     assert "0 healthy pumps" in refused.value.errors[0].problem
@@ -44,6 +48,12 @@ def test_a_fleet_becomes_a_pump_type_of_its_own(
     assert "8 of 10 pumps" in done.output
     document = tomllib.loads(output.read_text())
     assert "learnt from 8 healthy pumps of north" in document["changes"]["population.pressure_setting_bar"]["source"]
+
+    onsets = {n: c for n, c in document["changes"].items() if n.endswith("_onsets")}
+    assert onsets["population.pump_degradation_onsets"]["value"] == pytest.approx((5 + 1) / 5.282, rel=1e-3)
+    assert onsets["population.drain_restriction_onsets"]["value"] == pytest.approx(5 / 5.282, rel=1e-3)
+    assert "1 of 1 findings in 282 records of north" in onsets["population.pump_degradation_onsets"]["source"]
+    assert len(onsets) == 5
 
     added = client.post(f"{API}/pump-types", content=json.dumps(document), headers={"content-type": "application/json"})
     assert added.status_code == 201, added.text

@@ -188,6 +188,8 @@ LIMITS: Mapping[str, Quantity] = {
     ),
 }
 
+_FAULT_STATES = ("pump_degradation", "compensator_fault", "system_leakage", "drain_restriction", "sensor_fault")
+_ONSETS = "estimate, the same for every fault: priors that do not decide, until a fleet's findings say otherwise"
 POPULATION: Mapping[str, Quantity] = {
     "pump_leakage_scale": Quantity(0.30, "-", "estimate: spans the acceptance limits of case flow"),
     "pressure_setting_bar": Quantity(1.0, "bar", "acceptance limits 173 to 177 bar as two sigma"),
@@ -198,7 +200,9 @@ POPULATION: Mapping[str, Quantity] = {
     "droop_scale": Quantity(1.0, "-", "estimate: droop times 0.3 to 3 between pumps"),
     "reservoir_pressure_bar": Quantity(0.5, "bar", "estimate: spread where no reservoir sensor is fitted"),
     "case_zero_bar": Quantity(0.06, "bar", "zero shift between campaigns of a published rig (Rojek, Blachnik 2024)"),
+    **{f"{state}_onsets": Quantity(1.0, "1/1000 records", _ONSETS) for state in _FAULT_STATES},
 }
+"""How pumps, aircraft and sensors differ; and how often each fault sets in."""
 
 H225 = PumpType(
     name="h225",

@@ -22,6 +22,7 @@ _LATER = (
     "quantities.drive.film_conductance",
     "quantities.drive.heat_share",
     "quantities.drive.case_conductance",
+    *(f"population.{name}" for name in _REFERENCE.population if name.endswith("_onsets")),
 )
 """Quantities that documents written by release 1.0 do not have; they stand for the reference's."""
 _LONGEST = 500

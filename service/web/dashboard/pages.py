@@ -16,6 +16,7 @@ from service.answers.alarms import Alarm
 from service.context import Context
 from service.errors import NotFound
 from service.history.knowledge import entries
+from service.monitoring.succession import taken_over
 from service.reading import queries
 from service.reading.curve import curve_of
 from service.reading.fleet import pump_documents
@@ -60,13 +61,14 @@ def _pump_body(request: Request, context: Context, serial: str, operator: str | 
         if document["records"] == 0:
             raise NotFound(f"pump {serial} has no analysed record yet")
         verdict = with_crossing(session, row, queries.verdict(session, row))
+        shown = curve_of(session, row, None, None, None, taken_over(session, row, context.archive))
         values = {
             "request": request,
             "pump": document,
             "verdict": verdict,
             "remarks": remarks(verdict),
             "changes": queries.verdict_changes(session, row)[::-1],
-            "curve": Markup(curve_svg(curve_of(session, row, None, None, None).curve, f"pump {serial}")),  # noqa: S704
+            "curve": Markup(curve_svg(shown.curve, f"pump {serial}")),  # noqa: S704
             "forecast": forecast_of(session, row),
             "trends": _trends(session, row),
             "alarms": _alarms(session, asker, row),

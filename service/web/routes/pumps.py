@@ -20,6 +20,7 @@ from service.answers.words import Page, instant
 from service.errors import Conflict
 from service.history.neighbours import look_alikes
 from service.monitoring.refold import Cause, refold_others, verdict_known_at
+from service.monitoring.succession import taken_over
 from service.reading import queries
 from service.reading.curve import curve_of
 from service.reading.fleet import pump_documents
@@ -233,7 +234,8 @@ def curve(
     """Reference curve, this pump's points brought to the chosen conditions, and the direction of each fault."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
-        found = curve_of(session, row, at, speed_rpm, fluid_temperature_degc)
+        others = taken_over(session, row, context.archive)
+        found = curve_of(session, row, at, speed_rpm, fluid_temperature_degc, others)
     if form == "svg":
         return Response(curve_svg(found.curve, f"pump {serial}"), media_type="image/svg+xml")
     if form == "png":

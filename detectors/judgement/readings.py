@@ -1,0 +1,83 @@
+"""What a record measured, as points of the trend, and what a sensor at its full scale is worth."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from detectors.bank.measurement import Measured
+from detectors.bank.prediction import CASE
+from detectors.judgement.coverage import Coverage
+from detectors.judgement.plausibility import SATURATED_BAR, Doubt
+from detectors.words.numbers import Z_90
+from detectors.words.observation import Observation, Residual
+from detectors.words.verdict import Estimate, Quality
+
+
+def measured_trend(observation: Observation, residuals: Mapping[str, Residual]) -> dict[str, Estimate]:
+    """Residuals, temperature and reservoir pressure of a record with their 90 % intervals, by metric."""
+    trend = {}
+    for name, residual in residuals.items():
+        half = Z_90 * residual.standard_deviation
+        metric = f"{name.removesuffix('_pressure_bar')}_residual_bar"
+        trend[metric] = Estimate(residual.residual, residual.residual - half, residual.residual + half)
+    window = observation.reduction.zero_flow
+    for name in ("fluid_temperature_degc", "reservoir_pressure_bar"):
+        mean = window.means.get(name) if window is not None else None
+        if mean is not None:
+            half = Z_90 * mean.standard_error
+            trend[name] = Estimate(mean.mean, mean.mean - half, mean.mean + half)
+    return trend
+
+
+def lower_bound(found: Measured) -> Measured:
+    """What a sensor at its full scale shows: at least that, give or take what a blocked drain may add."""
+    *rest, last = found.measurements
+    values, noise = last.values.copy(), last.noise.copy()
+    above, sd = SATURATED_BAR
+    values[CASE] += above
+    noise[CASE, CASE] += sd**2
+    return replace(found, measurements=(*rest, replace(last, values=values, noise=noise)))
+
+
+def quality_of(
+    used: int,
+    rejected: int,
+    coverage: Coverage,
+    doubted: tuple[Doubt | None, int],
+    outside_curve: Mapping[str, int],
+) -> Quality:
+    """What a verdict rests on, with a flag for everything that it misses.
+
+    Parameters
+    ----------
+    used, rejected
+        Records that taught something, and windows that were rejected.
+    coverage
+        What the records held.
+    doubted
+        Why the last records cannot be true, and how many they are.
+    outside_curve
+        Records outside the measured healthy curve, by the reason.
+    """
+    flags = []
+    without_zero, without_reservoir = used - coverage.zeros, used - coverage.reservoirs
+    if without_zero:
+        flags.append(
+            f"no pump-off zero in {without_zero} of {used} records: the case sensor's offset is carried as unknown"
+        )
+    reservoir = "measured"
+    if without_reservoir:
+        reservoir = "nominal" if without_reservoir == used else "mixed"
+        flags.append(
+            f"reservoir pressure not measured in {without_reservoir} of {used} records: "
+            "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
+        )
+    doubtful, doubts = doubted
+    if doubtful is not None:
+        flags.append(
+            f"{doubtful.channel} {doubtful.why}: the last {doubts} record(s) are no evidence for pump or circuit"
+        )
+    flags += [
+        f"{n} of {used} records outside the measured healthy curve ({why}): judged against the twin"
+        for why, n in sorted(outside_curve.items())
+    ]
+    return Quality(used, rejected, reservoir, tuple(flags))
