@@ -13,9 +13,10 @@ from detectors.bank.measurement import Measured, measured_windows
 from detectors.bank.prediction import CASE
 from detectors.bank.window import Measurement
 from detectors.expectation.anchor import anchors, reference_condition
+from detectors.expectation.stand_in import base_anchor
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement.coverage import Coverage
-from detectors.judgement.estimates import estimates
+from detectors.judgement.estimates import NOTHING_FOUND, estimates
 from detectors.judgement.events import MOVED, due, freed_by, viscosity_of
 from detectors.judgement.isolation import (
     Alarm,
@@ -39,7 +40,8 @@ from detectors.judgement.plausibility import (
     doubt,
     is_saturated,
 )
-from detectors.judgement.verdicts import Context, implausible, verdict_of
+from detectors.judgement.sight import Sight, alike_for, blurred
+from detectors.judgement.verdicts import Context, implausible, not_judged_since, verdict_of
 from detectors.words.flights import Roles, outline_of, roles_of
 from detectors.words.numbers import Z_90
 from detectors.words.observation import History, Observation, Residual
@@ -108,6 +110,7 @@ class Fold:
     at_place: int | None = None
     rejected: int = 0
     outside_curve: dict[str, int] = field(default_factory=dict)
+    unjudged: int = 0
     supplemented: bool = False
     touched: bool = False
     doubts: int = 0
@@ -118,10 +121,17 @@ class Fold:
     misfit_since: datetime | None = None
     latest: Latest | None = None
 
+    @property
+    def sight(self) -> Sight:
+        """What the type's records lack from the start."""
+        return Sight(self.pump.lacks, self.pump.own_twin, self.pump.reservoir_is_known)
+
     def __post_init__(self) -> None:
         """Start with an unknown pump of the type."""
         self.bank = Bank(self.pump)
-        self.reference = anchors([reference_condition(self.pump)], self.pump, self.circuit)[0][0]
+        self.reference = base_anchor(self.circuit)
+        if self.pump.own_twin:
+            self.reference = anchors([reference_condition(self.pump)], self.pump, self.circuit)[0][0]
 
     def continued(
         self, observations: Sequence[Observation], roles: Roles, history: History, earlier: Sequence[Observation] = ()
@@ -163,6 +173,10 @@ class Fold:
         self, observation: Observation, found: Measured | None, supplements: Mapping[str, Measurement]
     ) -> dict[str, Estimate]:
         """Take one record at its word, or doubt it; what it measured, as points of the trend."""
+        if found is not None and not found.measurements:
+            self._outside(found)
+            self.unjudged += 1
+            found = None
         reference = self._reference(found)
         doubted = doubt(observation, found.residuals if found is not None else {}, self.pump, reference)
         if doubted is not None:
@@ -180,7 +194,8 @@ class Fold:
             return {}
         # what a sensor that cannot be right has said raises no alarm, and ends the one that it raised
         self.case_pressure = None
-        if reference is not None and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
+        both = self.pump.has_both_pressures
+        if reference is not None and both and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
             measured, limit = found.measurements[-1].values[CASE], self.thresholds["case_pressure_limit_bar"]
             self.case_pressure = case_pressure(float(measured), reference, limit, has_baseline=self._missing() <= 0)
         return _measured_trend(observation, found.residuals)
@@ -220,13 +235,17 @@ class Fold:
     def learn(self, observation: Observation, found: Measured) -> None:
         """Take one record's windows into the bank."""
         self.bank.learn(found.measurements)
-        self.touched = False
-        self.coverage = self.coverage.grown(observation, found)
+        self.touched, self.unjudged = False, 0
+        self.coverage = self.coverage.grown(observation)
         self.used += 1
         if self.at_place is not None:
             self.at_place += 1
         if self.used in FIRST_ONSETS or self.used % SPAWN_EVERY == 0:
             self.bank.spawn()
+        self._outside(found)
+
+    def _outside(self, found: Measured) -> None:
+        """Count what took a record outside the measured curve."""
         if found.outside_curve:
             why = ", ".join(found.outside_curve)
             self.outside_curve[why] = self.outside_curve.get(why, 0) + 1
@@ -248,13 +267,17 @@ class Fold:
             self.verdict = replace(previous, quality=quality, case_pressure=self.case_pressure)
         if self.doubtful is not None and self.doubts >= IMPLAUSIBLE_FLIGHTS:
             self.verdict = implausible(self.doubtful, self.doubts, self.verdict, observation.at)
-        return self.verdict
+        return not_judged_since(self.verdict, self.unjudged) if self.unjudged else self.verdict
 
     def _judged(self, observation: Observation, previous: Verdict | None, quality: Quality) -> Verdict:
         """The verdict by the evidence."""
         found = evidence(self.bank, self.thresholds)
         limit = self.thresholds["case_flow_limit_lpm"]
-        sizes = estimates(self.bank, found, self.reference, limit)
+        alike = alike_for(self.pump)
+        if alike:
+            found, sizes = blurred(found, alike), NOTHING_FOUND
+        else:
+            sizes = estimates(self.bank, found, self.reference, limit)
         fit = self._fit(found, observation)
         missing, decision = self._missing(), Decision(State.INSUFFICIENT_DATA)
         if missing > 0:
@@ -285,9 +308,15 @@ class Fold:
                 intermittent=shown or vanished,
                 resolved_by=self.memory.resolved,
                 case_pressure=self.case_pressure,
-                sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
+                sensor=self._sensor(found) if suspects_a_sensor else None,
+                sight=self.sight,
             ),
         )
+
+    def _sensor(self, found: Evidence) -> str | None:
+        """The sensor that is suspected; the only one where there is one."""
+        fitted = [c for c in ("case_pressure_bar", "discharge_pressure_bar") if c not in self.pump.lacks]
+        return fitted[0] if len(fitted) == 1 else leading_sensor(self.bank, found)
 
     def _settling(self) -> int:
         """Records that the reference of a new position still needs; 0 where the pump has never moved."""
@@ -311,13 +340,14 @@ class Fold:
     def _quality(self) -> Quality:
         used, flags = self.used, []
         without_zero, without_reservoir = used - self.coverage.zeros, used - self.coverage.reservoirs
-        if without_zero:
+        if without_zero and "case_pressure_bar" not in self.pump.lacks:
             flags.append(
                 f"no pump-off zero in {without_zero} of {used} records: the case sensor's offset is carried as unknown"
             )
         reservoir = "measured"
         if without_reservoir:
             reservoir = "nominal" if without_reservoir == used else "mixed"
+        if without_reservoir and not self.pump.reservoir_is_known:
             flags.append(
                 f"reservoir pressure not measured in {without_reservoir} of {used} records: "
                 "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
@@ -326,11 +356,13 @@ class Fold:
             flags.append(
                 f"{self.doubtful.channel} {self.doubtful.why}: the last {self.doubts} record(s) are no evidence for pump or circuit"
             )
+        instead = "judged against the twin" if self.pump.own_twin else "not judged"
+        used += 0 if self.pump.own_twin else sum(self.outside_curve.values())
         flags += [
-            f"{n} of {used} records outside the measured healthy curve ({why}): judged against the twin"
+            f"{n} of {used} records outside the measured healthy curve ({why}): {instead}"
             for why, n in sorted(self.outside_curve.items())
         ]
-        return Quality(used, self.rejected, reservoir, tuple(flags))
+        return Quality(self.used, self.rejected, reservoir, tuple(flags))
 
 
 def _measured_trend(observation: Observation, residuals: Mapping[str, Residual]) -> dict[str, Estimate]:

@@ -29,6 +29,8 @@ _FITS, _FEWEST = 0.6, 5
 miss once in 16,000, foreign laws and outliers a few times in a hundred)."""
 _SURE = 0.98
 """Share of one cause under either prior beyond which nobody is told that the data cannot tell."""
+_WORTH_A_WORD = 5.0
+"""Change of the regulated pressure that is worth a word of a type without a twin, in what its sensor repeats to (our choice)."""
 _KEPT = 0.82
 """Share of its level down to which what is named keeps its name."""
 _FAULTS_OF: Mapping[Side, tuple[State, ...]] = {
@@ -94,6 +96,10 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     floors = _MEANING.floors.copy()
     floors[_IS_SENSOR] = thresholds["sensor_shift_bar"]
     meaning = _MEANING._replace(floors=floors)
+    if not bank.pump.own_twin:
+        smallest = _WORTH_A_WORD * bank.pump.sensors["discharge_pressure_bar"].repeatability_bar
+        floors[FAULT_KINDS.index(_MOVED)] = smallest
+        meaning = meaning._replace(setting_floor=smallest)
     # what regulation shows is independent of the means: it stands against the pump that is healthy by them
     odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
     sums = Sums(

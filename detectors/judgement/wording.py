@@ -1,6 +1,6 @@
 """Sentences that a maintainer reads: what to do, and what would tell when the data cannot."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from detectors.judgement.coverage import Coverage
@@ -29,10 +29,6 @@ _SENSOR_ADVICE: Mapping[str, str] = {
     "discharge_pressure_bar": "Check the discharge pressure sensor.",
 }
 NAMES: Mapping[State, str] = {state: STATES[state].word for state in CAUSES}
-_QUANTITIES: Mapping[str, str] = {
-    "pump_leakage_change_lpm": "leakage above {below:.1f} L/min",
-    "drain_resistance_change_percent": "what a drain and a pump do differently",
-}
 _LIKELY_BEYOND = 0.5
 """Probability of being beyond the limit from which nobody is told to fly on."""
 
@@ -45,7 +41,7 @@ class Said:
     candidates: tuple[State, ...]
     probabilities: Mapping[State, float]
     values: Mapping[str, Estimate]
-    beyond: float
+    beyond: float | None
     limit_lpm: float
     missing: int
     sensor: str | None
@@ -56,43 +52,62 @@ class Said:
 
 
 def advice(said: Said) -> str:
-    """What to do, in plain sentences that say no more than the numbers beside them."""
+    """What to do, in plain sentences that say no more than the numbers beside them; first what cannot be seen."""
     if said.state is State.INSUFFICIENT_DATA:
         return keep_recording(said.missing)
     sentences = [_SENTENCES[said.state](said)]
+    if said.blind and said.state is not State.HEALTHY:
+        sentences.insert(0, f"Seen in part: {_reasons(said.blind)}.")
     if said.intermittent is not None:
         sentences.append(_comes_and_goes(said.intermittent))
     return " ".join(sentences)
 
 
+def _reasons(spots: Sequence[BlindSpot]) -> str:
+    """Why something is not seen, each reason once."""
+    return "; ".join(dict.fromkeys(spot.because for spot in spots))
+
+
 def _level(said: Said) -> str:
-    flow = said.values["case_flow_at_reference_lpm"]
+    flow = said.values.get("case_flow_at_reference_lpm")
+    if flow is None:
+        return "how its case flow stands against the limit cannot be told"
     return (
         f"case flow at the reference condition is estimated at {flow.mean:.2f} L/min "
         f"({max(flow.low, 0.0):.2f} to {flow.high:.2f}, limit {said.limit_lpm:g})"
     )
 
 
+def _seen(blind: Sequence[BlindSpot]) -> str:
+    """What health is confined to; empty where nothing is hidden."""
+    sized = [b for b in blind if b.below is not None]
+    hidden = [b for b in blind if b.below is None]
+    if not blind:
+        return ""
+    first = "Healthy as far as " + "; ".join(f"leakage above {b.below:.1f} L/min goes ({b.because})" for b in sized)
+    if not sized:
+        first += f"can be seen: {_reasons(hidden)}"
+    elif hidden:
+        first += f"; unseen beside: {_reasons(hidden)}"
+    return f"{first}."
+
+
 def _healthy(said: Said) -> str:
-    seen = "; ".join(
-        f"{_QUANTITIES[b.quantity].format(below=b.below or 0.0)} goes ({b.because})"
-        for b in said.blind
-        if b.below is not None
-    )
-    first = f"Healthy as far as {seen}." if seen else ""
-    if said.beyond >= _LIKELY_BEYOND:
+    if said.beyond is not None and said.beyond >= _LIKELY_BEYOND:
         rest = (
             f"Nothing has changed, but {_level(said)}: beyond its limit with a probability of {100 * said.beyond:.0f} %. "
             "Measure the case flow on a test stand, or record windows at clearly different fluid temperatures."
         )
+    elif "case_flow_at_reference_lpm" not in said.values:
+        rest = f"Nothing has changed; {_level(said)}."
     else:
         rest = f"Fly on: {_level(said)}."
-    return f"{first} {rest}".strip()
+    return f"{_seen(said.blind)} {rest}".strip()
 
 
 def _pump(said: Said) -> str:
     leak = said.values.get("pump_leakage_change_lpm")
-    urgency = "Replace the pump" if said.beyond > 0.5 else "Plan the replacement of the pump"
+    urgency = "Replace the pump" if (said.beyond or 0.0) > _LIKELY_BEYOND else "Plan the replacement of the pump"
     if leak is None or leak.low <= 0.0:
         return f"{urgency}: {_level(said)}."
     grown = f"{leak.mean:.2f} L/min ({leak.low:.2f} to {leak.high:.2f})"
