@@ -29,6 +29,7 @@ from detectors.judgement.isolation import (
     fitting,
     leading_sensor,
     suspect,
+    without_fit,
 )
 from detectors.judgement.memory import Memory
 from detectors.judgement.plausibility import (
@@ -41,7 +42,7 @@ from detectors.judgement.plausibility import (
     is_saturated,
 )
 from detectors.judgement.sight import Sight, alike_for, blurred
-from detectors.judgement.verdicts import Context, implausible, not_judged_since, verdict_of
+from detectors.judgement.verdicts import Context, implausible, said_with, verdict_of
 from detectors.words.flights import Roles, outline_of, roles_of
 from detectors.words.numbers import Z_90
 from detectors.words.observation import History, Observation, Residual
@@ -267,7 +268,7 @@ class Fold:
             self.verdict = replace(previous, quality=quality, case_pressure=self.case_pressure)
         if self.doubtful is not None and self.doubts >= IMPLAUSIBLE_FLIGHTS:
             self.verdict = implausible(self.doubtful, self.doubts, self.verdict, observation.at)
-        return not_judged_since(self.verdict, self.unjudged) if self.unjudged else self.verdict
+        return said_with(self.verdict, self.unjudged)
 
     def _judged(self, observation: Observation, previous: Verdict | None, quality: Quality) -> Verdict:
         """The verdict by the evidence."""
@@ -284,7 +285,9 @@ class Fold:
             sizes = sizes._replace(smallest={})
         if missing <= 0:
             self.alarm, decision = decided(self.alarm, found, self.thresholds)
-            decision = fitting(decision, fit, found)
+            fitted = fitting(decision, fit, found)
+            if fitted is not decision:
+                decision, found = fitted, without_fit(fit, found)
             self._remember(decision, found, observation)
         since = observation.at
         if previous is not None and previous.state is decision.state and previous.since is not None:

@@ -16,7 +16,7 @@ _WITHOUT_RESERVOIR_LPM = 0.6
 """Leakage that an unknown reservoir pressure hides (study: never found where it is not measured; half a bar is as much)."""
 _WITHOUT_ZERO_LPM = 0.3
 """Leakage that a wandering zero of the case sensor hides (study: alarm at 0.31 L/min without a zero)."""
-_SPAN_K = 20.0
+SPAN_K = 20.0
 """Temperatures of the windows from which leak and drain begin to part (estimate: their laws then differ by a fifth)."""
 _FLOW, _SETTING = "case_flow_at_reference_lpm", "pressure_setting_change_bar"
 _NOT_MEASURED = {
@@ -110,7 +110,7 @@ def blind_spots(
     if settling > 0:
         why = f"the position is new to the pump: {settling} more records are needed for its own reference"
         found += [BlindSpot(quantity, None, why) for quantity in (_DRAIN, _SYSTEM)]
-    elif sight.parts_causes and history.span_k < _SPAN_K:
+    elif sight.parts_causes and history.span_k < SPAN_K:
         why = f"all windows lie within {history.span_k:.0f} K: a restricted drain and a worn pump look alike"
         found.append(BlindSpot(_DRAIN, None, why))
     return tuple(found)
@@ -157,7 +157,7 @@ def missing_evidence(
         rivals = tuple(c for c in candidates if c is not State.OTHER)
         what = "bursts of two seconds at 10 kHz in the zero-flow window: a clogged drain leaves the pump's ripple alone"
         found.append(MissingEvidence(what, _BURSTS - history.bursts, rivals))
-    if State.PUMP_DEGRADATION in left and State.DRAIN_RESTRICTION in left and history.span_k < _SPAN_K:
+    if State.PUMP_DEGRADATION in left and State.DRAIN_RESTRICTION in left and history.span_k < SPAN_K:
         what = "zero-flow windows at clearly different fluid temperatures (20 K apart)"
         found.append(MissingEvidence(what, 4, (State.PUMP_DEGRADATION, State.DRAIN_RESTRICTION)))
     if State.COMPENSATOR_FAULT in left and history.steps < _STEPS:

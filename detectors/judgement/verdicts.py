@@ -121,14 +121,23 @@ def implausible(found: Doubt, records: int, judged: Verdict, at: datetime) -> Ve
     )
 
 
-def not_judged_since(judged: Verdict, records: int) -> Verdict:
-    """The verdict where the last records lie outside the type's measured curve, with no twin to judge them by."""
-    why = f"the last {records} record(s) lie outside the measured healthy curve and are not judged"
+def said_with(judged: Verdict, unjudged: int) -> Verdict:
+    """The verdict with what its last records add to it, whatever it was judged by.
+
+    ``unjudged`` records lie outside the type's measured curve, with no twin to judge them by; a case pressure beyond the
+    plain rule is said first, and nobody flies on beside it.
+    """
+    pressure = judged.case_pressure
+    if pressure is not None and pressure.beyond:
+        judged = replace(judged, advice=wording.beyond_case_limit(judged.advice, pressure))
+    if not unjudged:
+        return judged
+    why = f"the last {unjudged} record(s) lie outside the measured healthy curve and are not judged"
     spot = BlindSpot("case_flow_at_reference_lpm", None, why)
     return replace(
         judged,
         blind_spots=(*judged.blind_spots, spot),
-        advice=f"Nothing is known since {records} record(s): they lie outside the measured healthy curve. {judged.advice}",
+        advice=f"Nothing is known since {unjudged} record(s): they lie outside the measured healthy curve. {judged.advice}",
     )
 
 

@@ -5,7 +5,6 @@ nothing else. The cycles here are invented; ``benchmarks.rig_judge`` judges the 
 """
 
 import json
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -46,7 +45,7 @@ def measured_curve(rng: np.random.Generator) -> list[dict[str, float]]:
 
 
 @pytest.fixture
-def rig(client: TestClient) -> Iterator[TestClient]:
+def rig(client: TestClient) -> TestClient:
     """A service that knows the rig's type, its thresholds and its curve."""
     answer = client.post(f"{API}/pump-types", json=dict(DOCUMENT))
     assert answer.status_code == 201, answer.text
@@ -56,7 +55,7 @@ def rig(client: TestClient) -> Iterator[TestClient]:
     curve = {"points": measured_curve(np.random.default_rng(1))}
     answer = client.put(f"{API}/pump-types/{TYPE}/reference-curve", json=curve)
     assert answer.status_code == 200, answer.text
-    yield client
+    return client
 
 
 def sent(client: TestClient, serial: str, pairs: list[tuple[Any, Any]], first: int = 0) -> dict[str, Any]:
