@@ -22,6 +22,7 @@ from detectors.judgement.isolation import (
     Alarm,
     Decision,
     Evidence,
+    cautious,
     coming_and_going,
     decided,
     evidence,
@@ -195,8 +196,8 @@ class Fold:
             return {}
         # what a sensor that cannot be right has said raises no alarm, and ends the one that it raised
         self.case_pressure = None
-        both = self.pump.has_both_pressures
-        if reference is not None and both and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
+        read = CASE in found.measurements[-1].seen
+        if reference is not None and read and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
             measured, limit = found.measurements[-1].values[CASE], self.thresholds["case_pressure_limit_bar"]
             self.case_pressure = case_pressure(float(measured), reference, limit, has_baseline=self._missing() <= 0)
         return _measured_trend(observation, found.residuals)
@@ -288,6 +289,8 @@ class Fold:
             fitted = fitting(decision, fit, found)
             if fitted is not decision:
                 decision, found = fitted, without_fit(fit, found)
+            elif decision.state is State.INDETERMINATE:
+                found = cautious(found)
             self._remember(decision, found, observation)
         since = observation.at
         if previous is not None and previous.state is decision.state and previous.since is not None:

@@ -28,7 +28,7 @@ _FITS, _FEWEST = 0.6, 5
 """Share of the last records that health must explain, and records below which nothing is said of it (our choice: good records
 miss once in 16,000, foreign laws and outliers a few times in a hundred)."""
 _SURE = 0.98
-"""Share of one cause, as it is said, beyond which nobody is told that the data cannot tell."""
+"""Share of one cause under either prior beyond which nobody is told that the data cannot tell."""
 _WORTH_A_WORD = 5.0
 """Change of the regulated pressure that is worth a word of a type without a twin, in what its sensor repeats to (our choice)."""
 _KEPT = 0.82
@@ -165,7 +165,7 @@ def decided(alarm: Alarm, found: Evidence, thresholds: Mapping[str, float]) -> t
         return following, Decision(State.PUMP_DEGRADATION)
     if not raised:
         return following, Decision(State.HEALTHY)
-    if (state_for >= records or share[leader] > _SURE) and leader is not State.OTHER:
+    if (state_for >= records or surely[leader] > _SURE) and leader is not State.OTHER:
         return following, Decision(leader)
     # a side with a single fault leaves nothing to be undecided about, so it waits for its state
     rivals = _FAULTS_OF[side] if side_for >= records and len(_FAULTS_OF[side]) > 1 else _CHANGES
@@ -209,6 +209,19 @@ def without_fit(fit: Fit, found: Evidence) -> Evidence:
     probabilities = dict(found.probabilities)
     probabilities[State.HEALTHY] -= lost
     probabilities[State.OTHER] += lost
+    return replace(found, probabilities=probabilities)
+
+
+def cautious(found: Evidence) -> Evidence:
+    """The evidence as it is said where nothing is named: a leader has the lesser of its shares under the two priors."""
+    leader = max(_CHANGES, key=lambda s: found.shares[s])
+    if found.probabilities[leader] <= _SURE or leader is State.OTHER:
+        return found
+    rest = {s: found.probabilities[s] for s in _CHANGES if s is not leader}
+    given = (found.shares[leader] - found.surely[leader]) * (1.0 - found.probabilities[State.HEALTHY])
+    whole = sum(rest.values())
+    spread = {s: p + given * (p / whole if whole > 0.0 else 1.0 / len(rest)) for s, p in rest.items()}
+    probabilities = {**found.probabilities, **spread, leader: found.probabilities[leader] - given}
     return replace(found, probabilities=probabilities)
 
 

@@ -43,8 +43,6 @@ def without(found: History, lost: str) -> History:
             means[lost] = Mean(PUMP.nominal_speed_rpm, 0.0)
         elif lost == "fluid_temperature_degc":
             means[lost] = Mean(60.0, 0.0)
-        elif lost == "reservoir":
-            del means["reservoir_pressure_bar"]
         if lost in ("zero", "case_pressure_bar", "shaft_speed_rpm"):
             zero = Zero(0.0, 0.06, measured=False)
         if lost == "spread" and not 45.0 < means["fluid_temperature_degc"].mean < 62.0:
@@ -56,7 +54,8 @@ def without(found: History, lost: str) -> History:
 
 def verdicts(lost: str, fault: Fault | None, seed: int = 3) -> list[Verdict]:
     kind = replace(PUMP, lacks=(lost,)) if lost in MAY_LACK else PUMP
-    found = without(history(seed, 60 if lost == "spread" else 34, fault), lost)
+    flown = history(seed, 60 if lost == "spread" else 34, fault, with_reservoir=lost != "reservoir")
+    found = without(flown, lost)
     said = [a.verdict for a in assess(found, kind, CIRCUIT, THRESHOLDS)]
     held = held_by(sorted(found.observations, key=lambda o: (o.at, o.record_id)))
     wrong = [w for v, h in zip(said, held, strict=True) for w in disagreements(v, h, THRESHOLDS)]

