@@ -54,11 +54,18 @@ def healthy_curve(
 
 
 def judged_curve(points: Sequence[MeasuredPoint]) -> HealthyCurve:
-    """Measured points as the judge takes them."""
+    """Measured points as the judge takes them: not-a-number where the type lacks the channel."""
+
+    def known(value: float | None) -> float:
+        return math.nan if value is None else value
+
     return HealthyCurve(
         tuple(
             HealthyPoint(
-                *(math.nan if value is None else value for value in (getattr(p, name) for name in CONDITIONS)),
+                known(p.discharge_pressure_bar),
+                known(p.case_minus_reservoir_bar),
+                known(p.fluid_temperature_degc),
+                known(p.speed_rpm),
                 p.warming_k_per_min,
             )
             for p in points

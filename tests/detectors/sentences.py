@@ -67,8 +67,8 @@ def disagreements(verdict: Verdict, held: Coverage, thresholds: Mapping[str, flo
         check("as many records as are asked for", evidence.records >= 1)
         for words, holds in ASKED.items():
             check(f"asks for {words} that it holds", words not in evidence.what or not holds(held))
-    for words, holds in ASKED.items():
-        check(f"advises {words} that it holds", words not in text or not holds(held) or "; no pump-off" in text)
+    for words, holds in ASKED.items() if verdict.side is not Side.SENSOR else ():
+        check(f"advises {words} that it holds", words not in text or not holds(held))
     return found
 
 
