@@ -5,13 +5,14 @@ nothing else. The cycles here are invented; ``benchmarks.rig_judge`` judges the 
 """
 
 import json
+import os
 from typing import Any
 
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from benchmarks.rig_judge import DOCUMENT, THRESHOLDS, Block, channels, curve_points
+from benchmarks.rig_judge import DOCUMENT, THRESHOLDS, Block, channels, curve_points, cycles, histories
 
 API = "/api/v1"
 TYPE = DOCUMENT["id"]
@@ -34,6 +35,11 @@ def measured_curve(rng: np.random.Generator) -> list[dict[str, float]]:
     for oil in (*COOLERS, *COOLERS, *COOLERS):
         pairs = [cycle(rng, oil + rng.uniform(-0.7, 0.7)) for _ in range(4)]
         blocks.append(Block((100, 100, 0, 130, 0), np.array([p for p, _ in pairs]), np.array([t for _, t in pairs])))
+    return as_sent(blocks)
+
+
+def as_sent(blocks: list[Block]) -> list[dict[str, float]]:
+    """Points of the curve in the shape of the API: what the type lacks is left out."""
     return [
         {
             "discharge_pressure_bar": p.discharge_pressure_bar,
@@ -44,18 +50,22 @@ def measured_curve(rng: np.random.Generator) -> list[dict[str, float]]:
     ]
 
 
-@pytest.fixture
-def rig(client: TestClient) -> TestClient:
-    """A service that knows the rig's type, its thresholds and its curve."""
+def knows_rig(client: TestClient, points: list[dict[str, float]]) -> TestClient:
+    """The service, told of the rig's type, its thresholds and its curve."""
     answer = client.post(f"{API}/pump-types", json=dict(DOCUMENT))
     assert answer.status_code == 201, answer.text
     put = {"values": THRESHOLDS, "reason": "the circuit is closed for six seconds"}
     address = f"{API}/thresholds/pump-type/{TYPE}"
     assert client.put(address, json=put, headers={"If-Match": "*"}).status_code == 200
-    curve = {"points": measured_curve(np.random.default_rng(1))}
-    answer = client.put(f"{API}/pump-types/{TYPE}/reference-curve", json=curve)
+    answer = client.put(f"{API}/pump-types/{TYPE}/reference-curve", json={"points": points})
     assert answer.status_code == 200, answer.text
     return client
+
+
+@pytest.fixture
+def rig(client: TestClient) -> TestClient:
+    """A service that knows the rig's type, its thresholds and its curve."""
+    return knows_rig(client, measured_curve(np.random.default_rng(1)))
 
 
 def sent(client: TestClient, serial: str, pairs: list[tuple[Any, Any]], first: int = 0) -> dict[str, Any]:
@@ -195,3 +205,20 @@ def test_a_document_that_declares_wrongly_names_every_fault(client: TestClient) 
     answer = client.put(f"{API}/pump-types/{TYPE}/reference-curve", json={"points": points})
     where = {e["where"] for e in answer.json()["errors"]}
     assert where == {"body.points.0.discharge_pressure_bar", "body.points.1.fluid_temperature_degc"}
+
+
+@pytest.mark.skipif(
+    "CASEDRAIN_RIG" not in os.environ, reason="CASEDRAIN_RIG names no archive of the public rig's cycles"
+)
+def test_the_real_rig_over_http(client: TestClient) -> None:
+    with np.load(os.environ["CASEDRAIN_RIG"]) as archive:
+        blocks = cycles({name: archive[name] for name in archive.files})
+    chosen = [next(found for found in histories(blocks) if found[0].profile[2:4] == (grade, 90)) for grade in (0, 1, 2)]
+    said = []
+    for grade, (block, training, before) in enumerate(chosen):
+        if not grade:
+            knows_rig(client, as_sent(training))
+        pairs = [pair for b in (*before, block) for pair in zip(b.pressure, b.temperature, strict=True)]
+        said.append(sent(client, f"MP-{grade}", pairs)["verdict"])
+    assert [v["state"] for v in said] == ["healthy", "indeterminate", "indeterminate"]
+    assert all("pump_degradation" in v["candidates"] for v in said[1:])
