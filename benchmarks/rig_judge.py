@@ -14,6 +14,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ from detectors.evaluation.scores import proportion
 from detectors.expectation.type_correction import HealthyCurve, HealthyPoint
 from detectors.judgement.assessment import assess
 from detectors.reduction.recording import reduce_recording
-from detectors.words.observation import History, Observation
+from detectors.words.observation import History, Observation, Reduction
 from detectors.words.states import State
 from detectors.words.thresholds import effective
 from detectors.words.verdict import Verdict
@@ -73,7 +74,7 @@ DOCUMENT: Mapping[str, Any] = {
 """The pump type as ``POST /pump-types`` takes it."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """Neighbouring cycles of one condition: labels, and pressure and temperature of each, shape (n, 60)."""
 
@@ -82,6 +83,7 @@ class Block:
     temperature: Array
 
 
+@cache
 def rig_type() -> PumpType:
     """The rig's pump type."""
     return pump_type_from(DOCUMENT)
@@ -115,9 +117,7 @@ def curve_points(training: Sequence[Block]) -> list[HealthyPoint]:
     """One point per block with a healthy pump: medians over its cycles, by the windows that the judge itself takes."""
     points = []
     for block in training:
-        windows = [
-            o.zero_flow for o in (_reduced(p, t) for p, t in zip(block.pressure, block.temperature, strict=True))
-        ]
+        windows = [reduction.zero_flow for reduction in reductions(block)]
         means = [(w.means, w.warming_k_per_min or 0.0) for w in windows if w is not None]
         if block.profile[PUMP] == 0 and means:
             discharge = float(np.median([m["discharge_pressure_bar"].mean for m, _ in means]))
@@ -127,8 +127,14 @@ def curve_points(training: Sequence[Block]) -> list[HealthyPoint]:
     return points
 
 
-def _reduced(pressure: Array, temperature: Array) -> Any:
-    return reduce_recording(Recording(channels(pressure.copy(), temperature.copy())), rig_type(), effective(THRESHOLDS))
+@cache
+def reductions(block: Block) -> tuple[Reduction, ...]:
+    """Every cycle of a block, reduced as the service reduces it."""
+    kind, thresholds = rig_type(), effective(THRESHOLDS)
+    return tuple(
+        reduce_recording(Recording(channels(p.copy(), t.copy())), kind, thresholds)
+        for p, t in zip(block.pressure, block.temperature, strict=True)
+    )
 
 
 def histories(blocks: Sequence[Block]) -> Iterator[tuple[Block, list[Block], list[Block]]]:
@@ -144,13 +150,10 @@ def histories(blocks: Sequence[Block]) -> Iterator[tuple[Block, list[Block], lis
 
 def verdicts(block: Block, training: Sequence[Block], before: Sequence[Block]) -> list[Verdict]:
     """Verdicts after each cycle of the healthy blocks and then of the judged one."""
-    observations = []
-    for i, (pressure, temperature) in enumerate(
-        pair for b in (*before, block) for pair in zip(b.pressure, b.temperature, strict=True)
-    ):
-        reduction = _reduced(pressure, temperature)
-        at = START + timedelta(minutes=i)
-        observations.append(Observation(f"{i:03d}", at, "rig", "MP1", f"cycle-{i:03d}", reduction))
+    observations = [
+        Observation(f"{i:03d}", START + timedelta(minutes=i), "rig", "MP1", f"cycle-{i:03d}", reduction)
+        for i, reduction in enumerate(r for b in (*before, block) for r in reductions(b))
+    ]
     found = assess(
         History(tuple(observations)),
         rig_type(),
