@@ -16,8 +16,8 @@ from benchmarks.rig_judge import DOCUMENT, THRESHOLDS, Block, channels, curve_po
 
 API = "/api/v1"
 TYPE = DOCUMENT["id"]
-WEAK_BAR, SEVERE_BAR = 0.28, 0.42
-"""What pump leakage takes off the rig's regulated pressure."""
+WEAK_BAR = 0.28
+"""What weak pump leakage takes off the rig's regulated pressure."""
 COOLERS = (36.0, 45.0)
 
 
@@ -88,17 +88,17 @@ def sent(client: TestClient, serial: str, pairs: list[tuple[Any, Any]], first: i
 
 
 def healthy_before(rng: np.random.Generator) -> list[tuple[Any, Any]]:
-    return [cycle(rng, oil) for oil in COOLERS for _ in range(8)]
+    return [cycle(rng, oil) for oil in COOLERS for _ in range(5)]
 
 
-@pytest.mark.parametrize("fall", [0.0, WEAK_BAR, SEVERE_BAR])
+@pytest.mark.parametrize("fall", [0.0, WEAK_BAR])
 def test_a_leak_is_a_change_of_open_cause_and_health_stays_health(rig: TestClient, fall: float) -> None:
     rng = np.random.default_rng(7)
     answer = sent(rig, "MP1", [*healthy_before(rng), *(cycle(rng, COOLERS[1], fall) for _ in range(12))])
     verdict = answer["verdict"]
     (window,) = [w for w in answer["windows"] if w["accepted"]]
     assert (window["kind"], window["residuals"]) == ("zero_flow", {})
-    assert verdict["quality"]["records_used"] == 28
+    assert verdict["quality"]["records_used"] == 22
     assert verdict["quality"]["reservoir_pressure"] == "nominal"
     # nothing shows how much flows, so nobody says it
     assert verdict["estimates"] == {} == verdict["minimum_detectable"]
@@ -130,7 +130,7 @@ def test_a_cycle_that_still_warms_is_not_judged_and_the_verdict_says_so(rig: Tes
     assert verdict["state"] == "healthy"
     assert verdict["quality"]["records_used"] == len(before)
     assert any(
-        "4 of 20 records outside the measured healthy curve (warming_k_per_min)" in f
+        "4 of 14 records outside the measured healthy curve (warming_k_per_min)" in f
         for f in verdict["quality"]["flags"]
     )
     assert verdict["advice"].startswith("Nothing is known since 4 record(s)")
