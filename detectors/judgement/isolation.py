@@ -196,10 +196,15 @@ def secondary(found: Evidence, state: State) -> State | None:
 
 
 def fitting(decision: Decision, fit: Fit, found: Evidence) -> Decision:
-    """A pump is healthy when its records fit: what most of the last records contradict is not, whatever else leads."""
+    """A pump is healthy when its records fit: what most of the last records contradict is not, whatever else leads.
+
+    A fault that is as good as sure, and only waits for its alarm, is not undecided: what leads then is its own filter.
+    """
     if decision.state is not State.HEALTHY or fit.records < _FEWEST or fit.explained >= _FITS * fit.records:
         return decision
     rival = max(FAULTS, key=lambda f: found.shares[f])
+    if found.probabilities[rival] > _SURE:
+        return decision
     return Decision(State.INDETERMINATE, (rival, State.OTHER))
 
 
