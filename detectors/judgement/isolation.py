@@ -203,7 +203,7 @@ def fitting(decision: Decision, fit: Fit, found: Evidence) -> Decision:
     if decision.state is not State.HEALTHY or fit.records < _FEWEST or fit.explained >= _FITS * fit.records:
         return decision
     rival = max(FAULTS, key=lambda f: found.shares[f])
-    if found.probabilities[rival] > _SURE:
+    if found.probabilities.get(rival, 0.0) > _SURE:
         return decision
     return Decision(State.INDETERMINATE, (rival, State.OTHER))
 
