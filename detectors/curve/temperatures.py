@@ -10,7 +10,7 @@ from detectors.words.numbers import Z_90
 
 _SHOWN = 60
 """Newest records that are drawn."""
-_MARGIN, _LINE = 214.0, 18.0
+_MARGIN, _LINE = 232.0, 18.0
 """Room for words beside the panel, and of a line of them [px]."""
 _CLEARLY = 6.0
 """Square sum of misfits, in standard deviations, by which the best law must be better (our choice: odds of twenty to one)."""
