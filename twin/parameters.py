@@ -285,6 +285,10 @@ class Sensor:
         return 0.1 * self.full_scale_bar * self.repeatability_fs
 
 
+OPEN_TANK_BAR = 0.02
+"""Spread of the reservoir pressure up to which it is taken as known (estimate: an open tank follows its fluid level)."""
+
+
 @dataclass(frozen=True, slots=True)
 class PumpType:
     """A pump type: kernel parameters, where each number comes from, and the facts that detection needs.
@@ -297,6 +301,11 @@ class PumpType:
         Acceptance limits and reference condition, by name with the unit in it.
     population
         One-sigma spreads between pumps and aircraft, by name with the unit in it.
+    lacks
+        Required channels that records of the type do not have, by name; never both pressures.
+    own_twin
+        False for a type that nobody has modelled: it is watched for change against its measured healthy curve, and
+        ``pump`` is a base's that stands in where a pump of any kind is asked for.
     """
 
     name: str
@@ -308,3 +317,15 @@ class PumpType:
     sensors: Mapping[str, Sensor]
     limits: Mapping[str, Quantity]
     population: Mapping[str, Quantity]
+    lacks: tuple[str, ...] = ()
+    own_twin: bool = True
+
+    @property
+    def has_both_pressures(self) -> bool:
+        """Whether discharge and case pressure are both recorded: one alone cannot tell what has moved it."""
+        return not {"discharge_pressure_bar", "case_pressure_bar"}.intersection(self.lacks)
+
+    @property
+    def reservoir_is_known(self) -> bool:
+        """Whether the reservoir pressure is known without a sensor: an open tank, as its stated spread says."""
+        return self.population["reservoir_pressure_bar"].value <= OPEN_TANK_BAR

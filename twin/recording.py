@@ -14,6 +14,8 @@ REQUIRED_CHANNELS: tuple[str, ...] = (
     "shaft_speed_rpm",
     "fluid_temperature_degc",
 )
+MAY_LACK: tuple[str, ...] = REQUIRED_CHANNELS[1:]
+"""Channels that a pump type may declare its records to lack."""
 OPTIONAL_CHANNELS: tuple[str, ...] = (
     "reservoir_pressure_bar",
     "case_flow_lpm",

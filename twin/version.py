@@ -32,4 +32,6 @@ def numbers_hash(pump: PumpType) -> str:
     for channel in sorted(pump.sensors):
         digest.update(f"{channel}={pump.sensors[channel]!r};".encode())
     digest.update(f"nominal {pump.nominal_speed_rpm!r} rpm {pump.nominal_reservoir_pressure_bar!r} bar".encode())
+    if pump.lacks or not pump.own_twin:
+        digest.update(f"lacks {sorted(pump.lacks)!r} own twin {pump.own_twin!r}".encode())
     return digest.hexdigest()[:_HEX]

@@ -9,6 +9,7 @@ _ASSESSMENT, _ISOLATION = ("tests.detectors.test_assessment",), ("tests.detector
 _EVENTS, _MEMORY = ("tests.detectors.test_events",), ("tests.detectors.test_memory",)
 _SUCCESSION, _POPULATION = ("tests.detectors.test_succession",), ("tests.detectors.test_population",)
 _PLAUSIBILITY, _COVERAGE = ("tests.detectors.test_plausibility",), ("tests.detectors.test_coverage",)
+_STAND_IN, _SIGHTED = ("tests.detectors.test_stand_in",), ("tests.detectors.test_partly_sighted",)
 _SPREADS = ("tests.detectors.test_bank_rules",)
 
 
@@ -136,5 +137,11 @@ MUTANTS: tuple[Mutant, ...] = (
     _curve("points", "kind.sign == 0", "kind.sign != 0"),
     _curve("laws", "if amplitude >= largest:", "if False:"),
     _curve("laws", "np.array([e.standard_deviation for e in fitted]) ** -2.0", "np.ones(len(fitted))"),
+    _reduction(
+        "detectors.expectation.stand_in", 'row[COLUMN["drain"]] *= ratio', 'row[COLUMN["drain"]] *= 1.0', _STAND_IN
+    ),
+    _reduction("detectors.expectation.type_correction", "WARMING_MARGIN = 1.0", "WARMING_MARGIN = 10.0", _STAND_IN),
+    _judgement("detectors.judgement.sight", "return FAULTS\n", "return ()\n", "", _SIGHTED),
+    _judgement("detectors.judgement.coverage", "if channel in sight.lacks", "if False", "", _SIGHTED),
     _curve("labels", "and self.top < other.bottom", "and self.top < other.top"),
 )

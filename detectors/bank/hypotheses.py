@@ -325,6 +325,9 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
         "load_discharge": 0.3,
         "load_discharge_square": 0.3,
     }
+    if not pump.own_twin:
+        # the curve was measured over temperature: what one pump of the type has of its own is what its sensor repeats to
+        spread["softening"] = 2.0 * pump.sensors["discharge_pressure_bar"].repeatability_bar
     for name, value in spread.items():
         sd[PLACE[name]] = value
     return mean, sd

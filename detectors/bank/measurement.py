@@ -16,13 +16,14 @@ from detectors.expectation.reduced_twin import nominal_pressures
 from detectors.expectation.residuals import (
     LOAD_CASE_SD_RELATIVE,
     LOAD_FLOW_SD_LPM,
-    TEMPERATURE_SD_K,
     case_noise_sd,
     discharge_noise_sd,
     matching_condition,
     reservoir_noise_sd,
+    temperature_sd,
 )
 from detectors.expectation.ripple import CASE_RIPPLE_SD, RIPPLE_SD, ripples, surfaces_of
+from detectors.expectation.stand_in import stand_ins
 from detectors.expectation.type_correction import Correction, HealthyCurve, corrections
 from detectors.words.observation import Mean, Observation, Residual, Window, WindowKind, Zero
 from detectors.words.signature import Droop, Spectrum
@@ -47,7 +48,8 @@ class Measured:
     """What one record adds: a measurement per window, the residuals of the window that the flight is judged
     by, and what each later burst of the flight adds, by its record.
 
-    ``outside_curve`` names what takes a window outside the range of the type's measured healthy curve.
+    ``outside_curve`` names what takes a window outside the range of the type's measured healthy curve. Where nothing else
+    could judge it there are no measurements and no residuals.
     """
 
     measurements: tuple[Measurement, ...]
@@ -75,11 +77,19 @@ def measured_windows(
     if not windows:
         return {}
     conditions = [matching_condition(w, pump) for _, w in windows]
-    rows, solved = anchors(conditions, pump, circuit)
-    shifts = corrections(healthy, conditions, pump, circuit)
+    warming = [w.warming_k_per_min for _, w in windows]
+    if pump.own_twin:
+        rows, solved = anchors(conditions, pump, circuit)
+        shifts = corrections(healthy, conditions, pump, circuit, warming)
+    else:
+        stand = stand_ins(healthy, conditions, warming, pump, circuit)
+        rows, solved = stand.rows, stand.solved
+        shifts = [Correction(0.0, c, o, d) for (d, c), o in zip(stand.spreads.tolist(), stand.outside, strict=True)]
     found: dict[str, Measured] = {}
     for (observation, window), anchor, good, shift in zip(windows, rows, solved, shifts, strict=True):
         if not good:
+            if shift.outside and not pump.own_twin:
+                found.setdefault(observation.record_id, Measured((), {}, {}, shift.outside))
             continue
         zero = observation.reduction.zero
         earlier = found.get(observation.record_id)
@@ -90,8 +100,9 @@ def measured_windows(
         residuals = _residuals(window, zero, anchor, pump, shift) if zero_flow else {}
         found[observation.record_id] = Measured((*before, measurement), residuals, {}, shift.outside)
     # what the twin follows under load only cannot be judged
-    found = {record: m for record, m in found.items() if m.residuals}
-    return _with_lines(found, observations, bursts, conditions, windows, pump, circuit)
+    judged = {record: m for record, m in found.items() if m.residuals}
+    lost = {record: m for record, m in found.items() if not m.measurements}
+    return lost | _with_lines(judged, observations, bursts, conditions, windows, pump, circuit)
 
 
 def _with_lines(
@@ -112,7 +123,7 @@ def _with_lines(
     ]
     if not fast:
         return found
-    surfaces = surfaces_of(pump)
+    surfaces = surfaces_of(pump) if pump.own_twin else None
     amplitudes, slopes = np.full((len(fast), 2), np.nan), np.tile(NO_RIPPLE, (len(fast), 1, 1))
     if surfaces is not None:
         law = np.array([found[o.record_id].measurements[-1].anchor[COLUMN["system_law"]] for o in fast])
@@ -193,17 +204,20 @@ def _stepped(zero_flow: Window, droop: Droop) -> Window:
 
 def _measurement(window: Window, zero: Zero, anchor: Array, pump: PumpType, *, with_zero: bool) -> Measurement:
     # the zero is a measurement of its own, so the case pressure enters with its offset still in it
-    case = window.means.get("case_pressure_bar")
-    discharge_variance, case_variance, covariance = discharge_noise_sd(window, pump) ** 2, 0.0, 0.0
+    discharge, case = window.means.get("discharge_pressure_bar"), window.means.get("case_pressure_bar")
+    discharge_variance, case_variance, covariance = 0.0, 0.0, 0.0
+    if discharge is not None:
+        discharge_variance = discharge_noise_sd(window, pump) ** 2
     if case is not None:
         case_variance = case_noise_sd(window, pump) ** 2
     # what moves both pressures: by how much for one standard deviation
-    shared = [(TEMPERATURE_SD_K * float(anchor[_DISCHARGE_BY_K]), TEMPERATURE_SD_K * float(anchor[_CASE_BY_K]))]
+    kelvin = temperature_sd(pump)
+    shared = [(kelvin * float(anchor[_DISCHARGE_BY_K]), kelvin * float(anchor[_CASE_BY_K]))]
     if window.kind is WindowKind.CONSTANT_FLOW:
         flow = (LOAD_FLOW_SD_LPM * float(anchor[_DISCHARGE_BY_LOAD]), LOAD_FLOW_SD_LPM * float(anchor[_CASE_BY_LOAD]))
         return_line = LOAD_CASE_SD_RELATIVE * (nominal_pressures(anchor)[1] - float(anchor[COLUMN["reservoir"]]))
         shared += [flow, (return_line, return_line)]
-    reservoir_measured = "reservoir_pressure_bar" in window.means
+    reservoir_measured = "reservoir_pressure_bar" in window.means or pump.reservoir_is_known
     if reservoir_measured:
         reservoir = reservoir_noise_sd(window, pump)
         shared.append((reservoir, reservoir))
@@ -212,11 +226,11 @@ def _measurement(window: Window, zero: Zero, anchor: Array, pump: PumpType, *, w
         case_variance += by_case * by_case
         covariance += by_discharge * by_case
     values, noise = np.zeros(N_MEASURED), np.zeros((N_MEASURED, N_MEASURED))
-    values[: ZERO + 1] = window.means["discharge_pressure_bar"].mean, case.mean if case else 0.0, zero.offset_bar
+    values[: ZERO + 1] = discharge.mean if discharge else 0.0, case.mean if case else 0.0, zero.offset_bar
     noise[DISCHARGE, : CASE + 1] = discharge_variance, covariance
     noise[CASE, : CASE + 1] = covariance, case_variance
     noise[ZERO, ZERO] = zero.standard_deviation_bar**2
-    seen = [DISCHARGE] + [CASE] * (case is not None) + [ZERO] * (zero.measured and with_zero)
+    seen = [DISCHARGE] * (discharge is not None) + [CASE] * (case is not None) + [ZERO] * (zero.measured and with_zero)
     regulation = np.full(N_FEATURES, np.nan)
     if window.scatter_bar is not None and window.kind is WindowKind.ZERO_FLOW:
         regulation[Feature.SCATTER] = math.log(window.scatter_bar)
@@ -225,11 +239,12 @@ def _measurement(window: Window, zero: Zero, anchor: Array, pump: PumpType, *, w
 
 def _corrected(measurement: Measurement, shift: Correction) -> Measurement:
     """The measurement as a pump of the nominal twin would have shown it."""
-    if shift.standard_deviation_bar == 0.0:
+    if shift.standard_deviation_bar == shift.discharge_sd_bar == 0.0:
         return measurement
     values, noise = measurement.values.copy(), measurement.noise.copy()
     values[CASE] -= shift.case_bar
     noise[CASE, CASE] += shift.standard_deviation_bar**2
+    noise[DISCHARGE, DISCHARGE] += shift.discharge_sd_bar**2
     return replace(measurement, values=values, noise=noise)
 
 
@@ -237,18 +252,20 @@ def _residuals(window: Window, zero: Zero, anchor: Array, pump: PumpType, shift:
     discharge, case = nominal_pressures(anchor)
     case += shift.case_bar
     reservoir = reservoir_noise_sd(window, pump)
-    by_temperature = (TEMPERATURE_SD_K * float(anchor[_DISCHARGE_BY_K]), TEMPERATURE_SD_K * float(anchor[_CASE_BY_K]))
-    measured_case = window.means["case_pressure_bar"].mean - zero.offset_bar
-    measured = window.means["discharge_pressure_bar"].mean
-    noise_case = math.hypot(
-        case_noise_sd(window, pump),
-        zero.standard_deviation_bar,
-        by_temperature[1],
-        reservoir,
-        shift.standard_deviation_bar,
-    )
-    noise = math.hypot(discharge_noise_sd(window, pump), by_temperature[0], reservoir)
-    return {
-        "case_pressure_bar": Residual(measured_case, case, measured_case - case, noise_case),
-        "discharge_pressure_bar": Residual(measured, discharge, measured - discharge, noise),
-    }
+    by_temperature = [temperature_sd(pump) * float(anchor[column]) for column in (_DISCHARGE_BY_K, _CASE_BY_K)]
+    found = {}
+    if "case_pressure_bar" in window.means:
+        measured = window.means["case_pressure_bar"].mean - zero.offset_bar
+        noise = math.hypot(
+            case_noise_sd(window, pump),
+            zero.standard_deviation_bar,
+            by_temperature[1],
+            reservoir,
+            shift.standard_deviation_bar,
+        )
+        found["case_pressure_bar"] = Residual(measured, case, measured - case, noise)
+    if "discharge_pressure_bar" in window.means:
+        measured = window.means["discharge_pressure_bar"].mean
+        noise = math.hypot(discharge_noise_sd(window, pump), by_temperature[0], reservoir, shift.discharge_sd_bar)
+        found["discharge_pressure_bar"] = Residual(measured, discharge, measured - discharge, noise)
+    return found

@@ -152,6 +152,9 @@ def damage_identification_curve(
         "fluid_temperature_degc": condition.fluid_temperature_degc,
         "reservoir_pressure_bar": condition.reservoir_pressure_bar,
     }
+    if not (pump.own_twin and pump.has_both_pressures):
+        # one pressure is no plane, and without a twin nothing says where a fault would go
+        return Curve(conditions, Baseline(0.0, 0.0, 0), (), (), {})
     fold = Fold(pump, circuit, thresholds, healthy)
     seen = sights(fold, history, others or {})
     rows, solved = anchors([condition._replace(discharge_flow_lpm=0.0)], pump, circuit)

@@ -10,8 +10,10 @@ from detectors.words.numbers import Z_90
 
 _SHOWN = 60
 """Newest records that are drawn."""
-_MARGIN, _LINE = 214.0, 18.0
+_MARGIN, _LINE = 232.0, 18.0
 """Room for words beside the panel, and of a line of them [px]."""
+_CLEARLY = 6.0
+"""Square sum of misfits, in standard deviations, by which the best law must be better (our choice: odds of twenty to one)."""
 SHIFTED_BAR = 0.08
 """Shift of the case sensor's zero from which on it is drawn (estimate: 0.06 bar come over some hundred flights)."""
 _STROKES: Mapping[str, tuple[str, str]] = {
@@ -60,6 +62,15 @@ def _drawn(curve: Curve) -> list[tuple[str, Law]]:
     return [(name, law) for name, law in (curve.laws or {}).items() if len(law.curve) > 1]
 
 
+def _best(curve: Curve) -> str | None:
+    """The law that the newest records fit clearly better than any other; None where none does."""
+    ranked = sorted(_drawn(curve), key=lambda one: one[1].misfit)
+    fitted = sum(e.fitted for e in curve.excess)
+    if len(ranked) < 2 or fitted * (ranked[1][1].misfit ** 2 - ranked[0][1].misfit ** 2) < _CLEARLY:
+        return None
+    return ranked[0][0]
+
+
 def _offsets(curve: Curve) -> dict[object, float]:
     """By event time, how far the case sensor's zero had moved from its first, where that is far."""
     return {r.at: r.y_first_zero - r.y for r in curve.readings if abs(r.y_first_zero - r.y) > SHIFTED_BAR}
@@ -71,12 +82,15 @@ def _words(curve: Curve, frame: Frame) -> list[str]:
     heights = [y for y, _, _ in ends]
     for i, (one, other) in enumerate(pairwise(range(len(heights)))):
         heights[i + 1] = max(heights[other], heights[one] + _LINE)
-    x, out = frame.right + 30.0, []
+    x, out, best = frame.right + 30.0, list[str](), _best(curve)
     for height, (y, name, law) in zip(heights, ends, strict=True):
         end = min(max(y, frame.top), frame.bottom)
         out.append(line(frame.right, end, x - 4.0, height, QUIET, 0.8))
-        out.append(text(x, height + 4.5, f"{_STROKES[name][0]} {law.size:.{0 if law.size >= 10.0 else 2}f} {law.unit}"))
+        words = f"{_STROKES[name][0]} {law.size:.{0 if law.size >= 10.0 else 2}f} {law.unit}"
+        out.append(text(x, height + 4.5, words, extra='font-weight="600"' if name == best else ""))
     below = [f"dark: the newest {NEWEST}"] if ends else ["nothing stands out"]
+    if ends:
+        below.append("bold: fits clearly best" if best else "no law fits clearly best")
     if _offsets(curve):
         below.append("× with the sensor's first zero")
     start = max(frame.bottom - _LINE * (len(below) - 1), (heights[-1] if heights else 0.0) + 2.0 * _LINE)

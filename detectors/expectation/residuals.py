@@ -9,6 +9,8 @@ from twin.parameters import Circuit, PumpType
 
 TEMPERATURE_SD_K = 0.5
 """Estimate: fluid temperature at the pump against what its probe shows in a steady window."""
+UNRECORDED_TEMPERATURE_SD_K = 15.0
+"""Estimate: fluid temperature against the type's reference one, where nobody records it."""
 TWIN_DISCHARGE_SD_BAR = 0.10
 TWIN_CASE_SD_BAR = 0.004
 TWIN_CASE_SD_RELATIVE = 0.01
@@ -32,21 +34,29 @@ def matching_condition(window: Window, pump: PumpType) -> Condition:
     )
 
 
+def temperature_sd(pump: PumpType) -> float:
+    """One-sigma of a window's fluid temperature [K]; nothing where a measured curve stands in that knows of none."""
+    if "fluid_temperature_degc" not in pump.lacks:
+        return TEMPERATURE_SD_K
+    return UNRECORDED_TEMPERATURE_SD_K if pump.own_twin else 0.0
+
+
 def discharge_noise_sd(window: Window, pump: PumpType) -> float:
-    """One-sigma of a window's mean discharge pressure against the true one, repeatability included [bar]."""
+    """One-sigma of a window's mean discharge pressure against the true one, repeatability included [bar].
+
+    What a twin misses is no part of it for a type that has none: its curve has errors of its own.
+    """
     sensor = pump.sensors["discharge_pressure_bar"]
-    return math.hypot(
-        window.means["discharge_pressure_bar"].standard_error, sensor.repeatability_bar, TWIN_DISCHARGE_SD_BAR
-    )
+    twin = TWIN_DISCHARGE_SD_BAR if pump.own_twin else 0.0
+    return math.hypot(window.means["discharge_pressure_bar"].standard_error, sensor.repeatability_bar, twin)
 
 
 def case_noise_sd(window: Window, pump: PumpType) -> float:
     """One-sigma of a window's mean case pressure, its zero apart [bar]."""
     sensor = pump.sensors["case_pressure_bar"]
     mean = window.means["case_pressure_bar"]
-    return math.hypot(
-        mean.standard_error, sensor.repeatability_bar, TWIN_CASE_SD_BAR, TWIN_CASE_SD_RELATIVE * max(mean.mean, 0.0)
-    )
+    twin = math.hypot(TWIN_CASE_SD_BAR, TWIN_CASE_SD_RELATIVE * max(mean.mean, 0.0)) if pump.own_twin else 0.0
+    return math.hypot(mean.standard_error, sensor.repeatability_bar, twin)
 
 
 def reservoir_noise_sd(window: Window, pump: PumpType) -> float:
@@ -63,20 +73,21 @@ def window_residuals(window: Window, zero: Zero, pump: PumpType, circuit: Circui
 
     The zero is taken out of the measured case pressure. ``standard_deviation`` holds sensors, zero, window,
     reservoir and temperature, but not the spread between pumps: that is what the history learns. Empty when
-    the twin has no solution at this condition.
+    the twin has no solution at this condition, or the type has none of its own.
     """
+    if not pump.own_twin:
+        return {}
     point = operating_point(pump.pump, matching_condition(window, pump), circuit, Health(), derivatives=True)
     if point.status[0] != 0:
         return {}
     reservoir = reservoir_noise_sd(window, pump)
-    measured = {
-        "case_pressure_bar": window.means["case_pressure_bar"].mean - zero.offset_bar,
-        "discharge_pressure_bar": window.means["discharge_pressure_bar"].mean,
-    }
-    noise = {
-        "case_pressure_bar": math.hypot(case_noise_sd(window, pump), zero.standard_deviation_bar),
-        "discharge_pressure_bar": discharge_noise_sd(window, pump),
-    }
+    measured, noise = {}, {}
+    if "case_pressure_bar" in window.means:
+        measured["case_pressure_bar"] = window.means["case_pressure_bar"].mean - zero.offset_bar
+        noise["case_pressure_bar"] = math.hypot(case_noise_sd(window, pump), zero.standard_deviation_bar)
+    if "discharge_pressure_bar" in window.means:
+        measured["discharge_pressure_bar"] = window.means["discharge_pressure_bar"].mean
+        noise["discharge_pressure_bar"] = discharge_noise_sd(window, pump)
     return {
         name: Residual(
             measured=measured[name],
@@ -84,7 +95,7 @@ def window_residuals(window: Window, zero: Zero, pump: PumpType, circuit: Circui
             residual=measured[name] - float(point.value(name)[0]),
             standard_deviation=math.hypot(
                 noise[name],
-                _slope(point, name, "fluid_temperature_degc") * TEMPERATURE_SD_K,
+                _slope(point, name, "fluid_temperature_degc") * temperature_sd(pump),
                 _slope(point, name, "reservoir_pressure_bar") * reservoir,
             ),
         )

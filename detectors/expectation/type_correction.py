@@ -6,6 +6,7 @@ they are: the setting of the pump on the bench is its own, not its type's.
 """
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +19,7 @@ from detectors.expectation.reference_curve import OutsideRange, ReferenceCurve, 
 from twin.condition import Condition, Health, input_rows
 from twin.operating_point import operating_points
 from twin.parameters import Circuit, Pump, PumpType
+from twin.units import KELVIN_AT_0_DEGC
 
 Array = NDArray[np.float64]
 
@@ -31,6 +33,10 @@ REPEATABILITY_BAR = 0.01
 """Estimate: scatter of one pump's case pressure between bench points of the same condition."""
 DEPARTURE_BAR = 0.15
 """Estimate: what a type's twin may miss of the case pressure; some 40 % of its rise at zero flow and 50 degC."""
+WARMING_MARGIN = 1.0
+"""How much faster than at the measured points the fluid may warm [K/min] (estimate: a probe and a pump that lag by a minute
+are then off by 1 K, twice what steady windows are)."""
+WARMING = "warming_k_per_min"
 NEAR_K, NEAR_RPM = 5.0, 100.0
 """Points this near are of one condition: the demand is all that their discharge pressures differ by."""
 SAME_DEMAND_BAR = 0.1
@@ -40,12 +46,21 @@ _FEWEST_POINTS = 2
 
 
 class HealthyPoint(NamedTuple):
-    """One healthy point measured at an unknown demand; pressures gauge."""
+    """One healthy point measured at an unknown demand; pressures gauge, NaN where the type lacks the channel.
+
+    ``warming_k_per_min`` is how fast the fluid warmed meanwhile.
+    """
 
     discharge_pressure_bar: float
     case_minus_reservoir_bar: float
     fluid_temperature_degc: float
     speed_rpm: float
+    warming_k_per_min: float = 0.0
+
+    @property
+    def order(self) -> tuple[float, ...]:
+        """What points are sorted by: not-a-number comes first."""
+        return tuple(-math.inf if math.isnan(x) else float(x) for x in self)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +72,37 @@ class HealthyCurve:
     @property
     def version(self) -> str:
         """Name of exactly these points, e.g. ``curve-5f3c09ab``; the same on every machine and in any order."""
-        text = ";".join(",".join(repr(float(x)) for x in point) for point in sorted(self.points))
+        # a point that was measured steadily is named as it was before anybody asked
+        kept = (p[:-1] if p.warming_k_per_min == 0.0 else p for p in self.sorted)
+        text = ";".join(",".join(repr(float(x)) for x in point) for point in kept)
         return f"curve-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+    @property
+    def sorted(self) -> tuple[HealthyPoint, ...]:
+        """The points in an order of their own: the one in which they were entered decides nothing."""
+        return tuple(sorted(self.points, key=lambda p: p.order))
+
+    def filled(self, pump: PumpType) -> "HealthyCurve":
+        """The curve with the conditions that stand in where the type's records lack them (``detectors.reduction.declared``)."""
+        temperature = pump.limits["reference_temperature_k"].value - KELVIN_AT_0_DEGC
+        return HealthyCurve(
+            tuple(
+                p._replace(
+                    fluid_temperature_degc=temperature
+                    if math.isnan(p.fluid_temperature_degc)
+                    else p.fluid_temperature_degc,
+                    speed_rpm=pump.nominal_speed_rpm if math.isnan(p.speed_rpm) else p.speed_rpm,
+                )
+                for p in self.points
+            )
+        )
+
+    def too_fast(self, warming_k_per_min: float | None) -> bool:
+        """Whether the fluid warms, or cools, faster than at any point of the curve."""
+        if warming_k_per_min is None:
+            return False
+        rates = [p.warming_k_per_min for p in self.points]
+        return not min(rates) - WARMING_MARGIN <= warming_k_per_min <= max(rates) + WARMING_MARGIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,15 +110,21 @@ class Correction:
     """What the measured curve lies above the nominal twin at a window's condition, with its own one-sigma [bar].
 
     ``outside`` names every quantity by which the window lies outside the curve's range; the twin stays then.
+    ``discharge_sd_bar`` is the error of a curve that stands in for a twin at discharge pressure too.
     """
 
     case_bar: float = 0.0
     standard_deviation_bar: float = 0.0
     outside: tuple[str, ...] = ()
+    discharge_sd_bar: float = 0.0
 
 
 def corrections(
-    curve: HealthyCurve | None, conditions: Sequence[Condition], pump: PumpType, circuit: Circuit
+    curve: HealthyCurve | None,
+    conditions: Sequence[Condition],
+    pump: PumpType,
+    circuit: Circuit,
+    warming: Sequence[float | None] = (),
 ) -> list[Correction]:
     """Corrections of many windows at once.
 
@@ -87,13 +137,19 @@ def corrections(
     pump, circuit
         What the twin is told. The curve stands in for the twin in this circuit: it holds for circuits such as the
         one that it was measured in.
+    warming
+        How fast the fluid warmed in each window [K/min], length n; None, or nothing at all, where that is not known.
     """
-    if curve is None:
+    if curve is None or "case_pressure_bar" in pump.lacks:
         return [Correction()] * len(conditions)
-    fitted = _fitted(curve, pump.pump, circuit, pump.nominal_reservoir_pressure_bar)
+    fitted = _fitted(curve.filled(pump), pump.pump, circuit, pump.nominal_reservoir_pressure_bar)
     if fitted is None:
         return [Correction(outside=("the twin cannot follow the measured points",))] * len(conditions)
-    return [_correction(fitted, condition) for condition in conditions]
+    rates = [*warming, *[None] * (len(conditions) - len(warming))]
+    return [
+        Correction(outside=(WARMING,)) if curve.too_fast(rate) else _correction(fitted, condition)
+        for condition, rate in zip(conditions, rates, strict=True)
+    ]
 
 
 def followed(curve: HealthyCurve, pump: PumpType, circuit: Circuit) -> NDArray[np.bool_]:
@@ -113,10 +169,12 @@ def _correction(fitted: ReferenceCurve, condition: Condition) -> Correction:
 def _fitted(curve: HealthyCurve, pump: Pump, circuit: Circuit, reservoir_bar: float) -> ReferenceCurve | None:
     """Measured minus twin at zero demand; None where the twin follows too few points."""
     # the order in which points were entered decides nothing
-    points = tuple(sorted(curve.points))
+    points = curve.sorted
     discharge, case = _twin(points, pump, circuit, reservoir_bar)
     values = np.array([(p.fluid_temperature_degc, p.speed_rpm) for p in points])
+    # a type without the channel measures its curve at zero demand
     excess = np.array([p.discharge_pressure_bar for p in points]) - discharge
+    excess[np.isnan([p.discharge_pressure_bar for p in points])] = 0.0
     difference = np.array([p.case_minus_reservoir_bar for p in points]) - case
     counts = _without_demand(values, excess)
     if counts.sum() < _FEWEST_POINTS:

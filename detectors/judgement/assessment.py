@@ -14,9 +14,10 @@ from detectors.bank.position import exonerate, settle
 from detectors.bank.prediction import CASE
 from detectors.bank.window import Measurement
 from detectors.expectation.anchor import anchors, reference_condition
+from detectors.expectation.stand_in import base_anchor
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement.coverage import Coverage
-from detectors.judgement.estimates import estimates
+from detectors.judgement.estimates import NOTHING_FOUND, estimates
 from detectors.judgement.events import MOVED, due, freed_by, viscosity_of
 from detectors.judgement.handover import (
     FEWEST_RECORDS,
@@ -34,6 +35,7 @@ from detectors.judgement.isolation import (
     Alarm,
     Decision,
     Evidence,
+    cautious,
     coming_and_going,
     decided,
     evidence,
@@ -42,6 +44,7 @@ from detectors.judgement.isolation import (
     leading_sensor,
     showing,
     suspect,
+    without_fit,
 )
 from detectors.judgement.memory import EXCHANGED, ON_THIS_RECORD, Memory
 from detectors.judgement.plausibility import (
@@ -53,7 +56,8 @@ from detectors.judgement.plausibility import (
     is_saturated,
 )
 from detectors.judgement.readings import lower_bound, measured_trend, quality_of
-from detectors.judgement.verdicts import Context, implausible, verdict_of
+from detectors.judgement.sight import Sight, alike_for, blurred
+from detectors.judgement.verdicts import Context, implausible, said_with, verdict_of
 from detectors.words.flights import Roles, outline_of, roles_of
 from detectors.words.observation import History, Maintenance, Observation
 from detectors.words.verdict import Assessment, CasePressure, Estimate, Fit, Quality, State, Verdict
@@ -128,6 +132,7 @@ class Fold:
     inherited: Inherited | None = None
     rejected: int = 0
     outside_curve: dict[str, int] = field(default_factory=dict)
+    unjudged: int = 0
     supplemented: bool = False
     touched: bool = False
     doubts: int = 0
@@ -138,10 +143,17 @@ class Fold:
     misfit_since: datetime | None = None
     latest: Latest | None = None
 
+    @property
+    def sight(self) -> Sight:
+        """What the type's records lack from the start."""
+        return Sight(self.pump.lacks, self.pump.own_twin, self.pump.reservoir_is_known)
+
     def __post_init__(self) -> None:
         """Start with an unknown pump of the type."""
         self.bank = Bank(self.pump)
-        self.reference = anchors([reference_condition(self.pump)], self.pump, self.circuit)[0][0]
+        self.reference = base_anchor(self.circuit)
+        if self.pump.own_twin:
+            self.reference = anchors([reference_condition(self.pump)], self.pump, self.circuit)[0][0]
 
     def continued(
         self,
@@ -189,6 +201,10 @@ class Fold:
         self, observation: Observation, found: Measured | None, supplements: Mapping[str, Measurement]
     ) -> dict[str, Estimate]:
         """Take one record at its word, or doubt it; what it measured, as points of the trend."""
+        if found is not None and not found.measurements:
+            self._outside(found)
+            self.unjudged += 1
+            found = None
         reference = self._reference(found)
         doubted = doubt(observation, found.residuals if found is not None else {}, self.pump, reference)
         if doubted is not None:
@@ -206,7 +222,8 @@ class Fold:
             return {}
         # what a sensor that cannot be right has said raises no alarm, and ends the one that it raised
         self.case_pressure = None
-        if reference is not None and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
+        read = CASE in found.measurements[-1].seen
+        if reference is not None and read and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
             measured, limit = found.measurements[-1].values[CASE], self.thresholds["case_pressure_limit_bar"]
             self.case_pressure = case_pressure(float(measured), reference, limit, has_baseline=self._missing() <= 0)
         return measured_trend(observation, found.residuals)
@@ -293,14 +310,18 @@ class Fold:
     def learn(self, observation: Observation, found: Measured) -> None:
         """Take one record's windows into the bank."""
         self.bank.learn(found.measurements)
-        self.touched = False
-        self.coverage = self.coverage.grown(observation, found)
+        self.touched, self.unjudged = False, 0
+        self.coverage = self.coverage.grown(observation)
         self.used += 1
         self.place_records += 1
         if self.at_place is not None:
             self.at_place += 1
         if self.used in FIRST_ONSETS or self.used % SPAWN_EVERY == 0:
             self.bank.spawn()
+        self._outside(found)
+
+    def _outside(self, found: Measured) -> None:
+        """Count what took a record outside the measured curve."""
         if found.outside_curve:
             why = ", ".join(found.outside_curve)
             self.outside_curve[why] = self.outside_curve.get(why, 0) + 1
@@ -313,7 +334,9 @@ class Fold:
     def conclude(self, observation: Observation) -> Verdict:
         """The verdict after this observation; a record that taught nothing repeats the last one."""
         previous = self.verdict
-        quality = quality_of(self.used, self.rejected, self.coverage, (self.doubtful, self.doubts), self.outside_curve)
+        quality = quality_of(
+            self.pump, (self.used, self.rejected), self.coverage, (self.doubtful, self.doubts), self.outside_curve
+        )
         unchanged = previous is not None and previous.quality.records_used == self.used and not self.supplemented
         self.supplemented = False
         if previous is None or not unchanged:
@@ -322,20 +345,28 @@ class Fold:
             self.verdict = replace(previous, quality=quality, case_pressure=self.case_pressure)
         if self.doubtful is not None and self.doubts >= IMPLAUSIBLE_FLIGHTS:
             self.verdict = implausible(self.doubtful, self.doubts, self.verdict, observation.at)
-        return self.verdict
+        return said_with(self.verdict, self.unjudged)
 
     def _judged(self, observation: Observation, previous: Verdict | None, quality: Quality) -> Verdict:
         """The verdict by the evidence."""
         found = evidence(self.bank, self.thresholds)
         limit = self.thresholds["case_flow_limit_lpm"]
-        sizes = estimates(self.bank, found, self.reference, limit)
+        alike = alike_for(self.pump)
+        if alike:
+            found, sizes = blurred(found, alike), NOTHING_FOUND
+        else:
+            sizes = estimates(self.bank, found, self.reference, limit)
         fit = self._fit(found, observation)
         missing, decision = self._missing(), Decision(State.INSUFFICIENT_DATA)
         if missing > 0:
             sizes = sizes._replace(smallest={})
         if missing <= 0:
             self.alarm, decision = decided(self.alarm, found, self.thresholds)
-            decision = fitting(decision, fit, found)
+            fitted = fitting(decision, fit, found)
+            if fitted is not decision:
+                decision, found = fitted, without_fit(fit, found)
+            elif decision.state is State.INDETERMINATE:
+                found = cautious(found)
             self._remember(decision, found, observation)
         since = observation.at
         if previous is not None and previous.state is decision.state and previous.since is not None:
@@ -359,9 +390,15 @@ class Fold:
                 intermittent=shown or vanished,
                 resolved_by=self.memory.resolved_where(healthy=decision.state is State.HEALTHY),
                 case_pressure=self.case_pressure,
-                sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
+                sensor=self._sensor(found) if suspects_a_sensor else None,
+                sight=self.sight,
             ),
         )
+
+    def _sensor(self, found: Evidence) -> str | None:
+        """The sensor that is suspected; the only one where there is one."""
+        fitted = [c for c in ("case_pressure_bar", "discharge_pressure_bar") if c not in self.pump.lacks]
+        return fitted[0] if len(fitted) == 1 else leading_sensor(self.bank, found)
 
     def _settling(self) -> int:
         """Records that the reference of a new position still needs; 0 where the pump has never moved."""

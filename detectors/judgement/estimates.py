@@ -31,12 +31,16 @@ _LEAST_SHARE = 0.01
 
 class Found(NamedTuple):
     """Changes since the baseline with 90 % intervals, the smallest that would be found, and how likely the case flow at the
-    reference condition lies beyond its limit.
+    reference condition lies beyond its limit; None where nothing shows the case flow.
     """
 
     values: dict[str, Estimate]
     smallest: dict[str, float]
-    beyond: float
+    beyond: float | None
+
+
+NOTHING_FOUND = Found({}, {}, None)
+"""Of a pump whose channels, or whose type without a twin, part no cause from another: no size is anybody's."""
 
 
 def estimates(bank: Bank, found: Evidence, reference: Array, limit_lpm: float) -> Found:

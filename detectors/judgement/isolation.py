@@ -30,6 +30,8 @@ _FITS, _FEWEST = 0.6, 5
 miss once in 16,000, foreign laws and outliers a few times in a hundred)."""
 _SURE = 0.98
 """Share of one cause under either prior beyond which nobody is told that the data cannot tell."""
+_WORTH_A_WORD = 5.0
+"""Change of the regulated pressure that is worth a word of a type without a twin, in what its sensor repeats to (our choice)."""
 _KEPT = 0.82
 """Share of its level down to which what is named keeps its name."""
 _FAULTS_OF: Mapping[Side, tuple[State, ...]] = {
@@ -97,6 +99,10 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     floors = _MEANING.floors.copy()
     floors[_IS_SENSOR] = thresholds["sensor_shift_bar"]
     meaning = _MEANING._replace(floors=floors)
+    if not bank.pump.own_twin:
+        smallest = _WORTH_A_WORD * bank.pump.sensors["discharge_pressure_bar"].repeatability_bar
+        floors[FAULT_KINDS.index(_MOVED)] = smallest
+        meaning = meaning._replace(setting_floor=smallest)
     # what regulation shows is independent of the means: it stands against the pump that is healthy by them
     odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
     sums = Sums(
@@ -195,11 +201,38 @@ def secondary(found: Evidence, state: State) -> State | None:
 
 
 def fitting(decision: Decision, fit: Fit, found: Evidence) -> Decision:
-    """A pump is healthy when its records fit: what most of the last records contradict is not, whatever else leads."""
+    """A pump is healthy when its records fit: what most of the last records contradict is not, whatever else leads.
+
+    A fault that is as good as sure, and only waits for its alarm, is not undecided: what leads then is its own filter.
+    """
     if decision.state is not State.HEALTHY or fit.records < _FEWEST or fit.explained >= _FITS * fit.records:
         return decision
     rival = max(FAULTS, key=lambda f: found.shares[f])
+    if found.probabilities.get(rival, 0.0) > _SURE:
+        return decision
     return Decision(State.INDETERMINATE, (rival, State.OTHER))
+
+
+def without_fit(fit: Fit, found: Evidence) -> Evidence:
+    """The evidence where health does not fit: it keeps the share of the records that it explains, no known cause the rest."""
+    lost = found.probabilities[State.HEALTHY] * (1.0 - fit.explained / fit.records)
+    probabilities = dict(found.probabilities)
+    probabilities[State.HEALTHY] -= lost
+    probabilities[State.OTHER] += lost
+    return replace(found, probabilities=probabilities)
+
+
+def cautious(found: Evidence) -> Evidence:
+    """The evidence as it is said where nothing is named: a leader has the lesser of its shares under the two priors."""
+    leader = max(_CHANGES, key=lambda s: found.shares[s])
+    if found.probabilities[leader] <= _SURE or leader is State.OTHER:
+        return found
+    rest = {s: found.probabilities[s] for s in _CHANGES if s is not leader}
+    given = (found.shares[leader] - found.surely[leader]) * (1.0 - found.probabilities[State.HEALTHY])
+    whole = sum(rest.values())
+    spread = {s: p + given * (p / whole if whole > 0.0 else 1.0 / len(rest)) for s, p in rest.items()}
+    probabilities = {**found.probabilities, **spread, leader: found.probabilities[leader] - given}
+    return replace(found, probabilities=probabilities)
 
 
 def explained_by(bank: Bank, found: Evidence) -> tuple[int, int, bool]:

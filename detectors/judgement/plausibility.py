@@ -119,6 +119,8 @@ def _at_full_scale(observation: Observation, pump: PumpType, reference: Referenc
     if reference is None or window is None or not is_saturated(observation, pump):
         why += ": the pressure is at least that, or the sensor is wrong"
         return Doubt(CASE, why, (State.DRAIN_RESTRICTION, State.SENSOR_FAULT))
+    if DISCHARGE not in window.means:
+        return None  # nothing else was measured that could contradict it
     risen = window.means[DISCHARGE].mean - reference.discharge_bar
     needed = _FOLLOWS * (full_scale - reference.case_bar)
     if risen >= needed or reference.leading_case_bar >= _NEARLY * full_scale:

@@ -10,6 +10,7 @@ from detectors.judgement.plausibility import SATURATED_BAR, Doubt
 from detectors.words.numbers import Z_90
 from detectors.words.observation import Observation, Residual
 from detectors.words.verdict import Estimate, Quality
+from twin.parameters import PumpType
 
 
 def measured_trend(observation: Observation, residuals: Mapping[str, Residual]) -> dict[str, Estimate]:
@@ -39,17 +40,19 @@ def lower_bound(found: Measured) -> Measured:
 
 
 def quality_of(
-    used: int,
-    rejected: int,
+    pump: PumpType,
+    records: tuple[int, int],
     coverage: Coverage,
     doubted: tuple[Doubt | None, int],
     outside_curve: Mapping[str, int],
 ) -> Quality:
-    """What a verdict rests on, with a flag for everything that it misses.
+    """What a verdict rests on, with a flag for everything that it misses, which no flag is where the pump type lacks it.
 
     Parameters
     ----------
-    used, rejected
+    pump
+        Type of the pump: which channels it lacks, and whether it has a twin of its own.
+    records
         Records that taught something, and windows that were rejected.
     coverage
         What the records held.
@@ -58,15 +61,17 @@ def quality_of(
     outside_curve
         Records outside the measured healthy curve, by the reason.
     """
+    used, rejected = records
     flags = []
     without_zero, without_reservoir = used - coverage.zeros, used - coverage.reservoirs
-    if without_zero:
+    if without_zero and "case_pressure_bar" not in pump.lacks:
         flags.append(
             f"no pump-off zero in {without_zero} of {used} records: the case sensor's offset is carried as unknown"
         )
     reservoir = "measured"
     if without_reservoir:
         reservoir = "nominal" if without_reservoir == used else "mixed"
+    if without_reservoir and not pump.reservoir_is_known:
         flags.append(
             f"reservoir pressure not measured in {without_reservoir} of {used} records: "
             "leakage below about 0.6 L/min cannot be told from a change of reservoir pressure"
@@ -76,8 +81,10 @@ def quality_of(
         flags.append(
             f"{doubtful.channel} {doubtful.why}: the last {doubts} record(s) are no evidence for pump or circuit"
         )
+    instead = "judged against the twin" if pump.own_twin else "not judged"
+    looked_at = used + (0 if pump.own_twin else sum(outside_curve.values()))
     flags += [
-        f"{n} of {used} records outside the measured healthy curve ({why}): judged against the twin"
+        f"{n} of {looked_at} records outside the measured healthy curve ({why}): {instead}"
         for why, n in sorted(outside_curve.items())
     ]
     return Quality(used, rejected, reservoir, tuple(flags))

@@ -9,10 +9,12 @@ from detectors.judgement.coverage import Coverage, blind_spots, missing_evidence
 from detectors.judgement.estimates import Found
 from detectors.judgement.isolation import Decision, Evidence, secondary
 from detectors.judgement.plausibility import Doubt
+from detectors.judgement.sight import Sight
 from detectors.words.verdict import (
     CAUSES,
     SIDE_OF,
     UNINFORMED,
+    BlindSpot,
     CasePressure,
     Fit,
     Intermittent,
@@ -33,7 +35,7 @@ class Context:
     """What a verdict says beside its decision.
 
     ``missing`` counts the records that a baseline still needs, ``settling`` those that the position's reference needs after
-    a move; ``sensor`` is the channel of the likeliest sensor fault.
+    a move; ``sensor`` is the channel of the likeliest sensor fault; ``sight`` is what the type's records can show.
     """
 
     quality: Quality
@@ -47,6 +49,7 @@ class Context:
     resolved_by: Resolved | None
     case_pressure: CasePressure | None
     sensor: str | None
+    sight: Sight
 
 
 def verdict_of(decision: Decision, found: Evidence, sizes: Found, context: Context) -> Verdict:
@@ -55,8 +58,8 @@ def verdict_of(decision: Decision, found: Evidence, sizes: Found, context: Conte
     probabilities: Mapping[State, float] = found.probabilities
     if state is State.INSUFFICIENT_DATA:
         probabilities = UNINFORMED
-    blind = blind_spots(context.coverage, sizes.smallest, context.settling)
-    missing = missing_evidence(decision.candidates, context.coverage)
+    blind = blind_spots(context.coverage, sizes.smallest, context.settling, context.sight)
+    missing = missing_evidence(decision.candidates, context.coverage, context.sight)
     sensor = context.sensor if State.SENSOR_FAULT in (state, *decision.candidates) else None
     said = wording.Said(
         state=state,
@@ -115,6 +118,26 @@ def implausible(found: Doubt, records: int, judged: Verdict, at: datetime) -> Ve
         advice=wording.implausible(found.channel, found.why, records),
         resolving_measurement=wording.gauge(found.channel),
         missing_evidence=wording.gauge_evidence(found.channel, found.states),
+    )
+
+
+def said_with(judged: Verdict, unjudged: int) -> Verdict:
+    """The verdict with what its last records add to it, whatever it was judged by.
+
+    ``unjudged`` records lie outside the type's measured curve, with no twin to judge them by; a case pressure beyond the
+    plain rule is said first, and nobody flies on beside it.
+    """
+    pressure = judged.case_pressure
+    if pressure is not None and pressure.beyond:
+        judged = replace(judged, advice=wording.beyond_case_limit(judged.advice, pressure))
+    if not unjudged:
+        return judged
+    why = f"the last {unjudged} record(s) lie outside the measured healthy curve and are not judged"
+    spot = BlindSpot("case_flow_at_reference_lpm", None, why)
+    return replace(
+        judged,
+        blind_spots=(*judged.blind_spots, spot),
+        advice=f"Nothing is known since {unjudged} record(s): they lie outside the measured healthy curve. {judged.advice}",
     )
 
 

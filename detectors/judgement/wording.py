@@ -1,13 +1,14 @@
 """Sentences that a maintainer reads: what to do, and what would tell when the data cannot."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from detectors.judgement.coverage import Coverage
+from detectors.judgement.coverage import SPAN_K, Coverage
 from detectors.words.states import CAUSES, STATES
 from detectors.words.verdict import (
     SIDE_OF,
     BlindSpot,
+    CasePressure,
     Estimate,
     Intermittent,
     MissingEvidence,
@@ -29,10 +30,9 @@ _SENSOR_ADVICE: Mapping[str, str] = {
     "discharge_pressure_bar": "Check the discharge pressure sensor.",
 }
 NAMES: Mapping[State, str] = {state: STATES[state].word for state in CAUSES}
-_QUANTITIES: Mapping[str, str] = {
-    "pump_leakage_change_lpm": "leakage above {below:.1f} L/min",
-    "drain_resistance_change_percent": "what a drain and a pump do differently",
-}
+FLY_ON = "Fly on"
+_UNSURE = 0.5
+"""Probability from which something is likelier than not."""
 _LIKELY_BEYOND = 0.5
 """Probability of being beyond the limit from which nobody is told to fly on."""
 
@@ -45,7 +45,7 @@ class Said:
     candidates: tuple[State, ...]
     probabilities: Mapping[State, float]
     values: Mapping[str, Estimate]
-    beyond: float
+    beyond: float | None
     limit_lpm: float
     missing: int
     sensor: str | None
@@ -56,67 +56,119 @@ class Said:
 
 
 def advice(said: Said) -> str:
-    """What to do, in plain sentences that say no more than the numbers beside them."""
+    """What to do, in plain sentences that say no more than the numbers beside them; first what cannot be seen."""
     if said.state is State.INSUFFICIENT_DATA:
         return keep_recording(said.missing)
     sentences = [_SENTENCES[said.state](said)]
+    if said.blind and said.state is not State.HEALTHY:
+        sentences.insert(0, f"Seen in part: {_reasons(said.blind)}.")
     if said.intermittent is not None:
         sentences.append(_comes_and_goes(said.intermittent))
     return " ".join(sentences)
 
 
+def _reasons(spots: Sequence[BlindSpot]) -> str:
+    """Why something is not seen, each reason once."""
+    return "; ".join(dict.fromkeys(spot.because for spot in spots))
+
+
 def _level(said: Said) -> str:
-    flow = said.values["case_flow_at_reference_lpm"]
+    flow = said.values.get("case_flow_at_reference_lpm")
+    if flow is None:
+        return "how its case flow stands against the limit cannot be told"
     return (
         f"case flow at the reference condition is estimated at {flow.mean:.2f} L/min "
         f"({max(flow.low, 0.0):.2f} to {flow.high:.2f}, limit {said.limit_lpm:g})"
     )
 
 
+def _seen(blind: Sequence[BlindSpot]) -> str:
+    """What health is confined to; empty where nothing is hidden."""
+    sized = [b for b in blind if b.below is not None]
+    hidden = [b for b in blind if b.below is None]
+    if not blind:
+        return ""
+    first = "Healthy as far as " + "; ".join(f"leakage above {b.below:.1f} L/min goes ({b.because})" for b in sized)
+    if not sized:
+        first += f"can be seen: {_reasons(hidden)}"
+    elif hidden:
+        first += f"; unseen beside: {_reasons(hidden)}"
+    return f"{first}."
+
+
+def _is_beyond(said: Said) -> bool:
+    """Whether the level lies beyond its limit, by its mean or more likely than not."""
+    flow = said.values.get("case_flow_at_reference_lpm")
+    if said.beyond is not None and said.beyond >= _LIKELY_BEYOND:
+        return True
+    return flow is not None and flow.mean > said.limit_lpm
+
+
 def _healthy(said: Said) -> str:
-    seen = "; ".join(
-        f"{_QUANTITIES[b.quantity].format(below=b.below or 0.0)} goes ({b.because})"
-        for b in said.blind
-        if b.below is not None
-    )
-    first = f"Healthy as far as {seen}." if seen else ""
-    if said.beyond >= _LIKELY_BEYOND:
+    unsure = 1.0 - said.probabilities[State.HEALTHY]
+    if _is_beyond(said):
         rest = (
-            f"Nothing has changed, but {_level(said)}: beyond its limit with a probability of {100 * said.beyond:.0f} %. "
-            "Measure the case flow on a test stand, or record windows at clearly different fluid temperatures."
+            f"Nothing has changed, but {_level(said)}: beyond its limit with a probability of "
+            f"{_percent(said.beyond or 0.0)}. Measure the case flow on a test stand"
         )
+        if said.coverage.span_k < SPAN_K:
+            rest += ", or record windows at clearly different fluid temperatures"
+        rest += "."
+    elif unsure > _UNSURE:
+        likely = max((s for s in said.probabilities if s is not State.HEALTHY), key=lambda s: said.probabilities[s])
+        rest = (
+            f"Keep recording: something may have changed (probability {_percent(unsure)}, most likely {NAMES[likely]}), "
+            f"too little for an alarm yet; {_level(said)}."
+        )
+    elif "case_flow_at_reference_lpm" not in said.values:
+        rest = f"Nothing has changed; {_level(said)}."
     else:
-        rest = f"Fly on: {_level(said)}."
-    return f"{first} {rest}".strip()
+        rest = f"{FLY_ON}: {_level(said)}."
+    return f"{_seen(said.blind)} {rest}".strip()
+
+
+def _percent(share: float) -> str:
+    """A share as it is said: no certainty, and nothing that is left at 0 %."""
+    if share < 0.005:
+        return "under 1 %"
+    return "over 99 %" if share > 0.995 else f"{100.0 * share:.0f} %"
+
+
+def _grown(found: Estimate | None, pattern: str) -> str:
+    """By how much something has grown; nothing where its interval holds no growth at all."""
+    return "" if found is None or found.low <= 0.0 else pattern.format(found)
 
 
 def _pump(said: Said) -> str:
-    leak = said.values.get("pump_leakage_change_lpm")
-    urgency = "Replace the pump" if said.beyond > 0.5 else "Plan the replacement of the pump"
-    if leak is None or leak.low <= 0.0:
-        return f"{urgency}: {_level(said)}."
-    grown = f"{leak.mean:.2f} L/min ({leak.low:.2f} to {leak.high:.2f})"
-    return f"{urgency}: its internal leakage has grown by {grown}; {_level(said)}."
+    urgency = "Plan the replacement of the pump"
+    if _is_beyond(said):
+        urgency = "Replace the pump"
+    grown = _grown(
+        said.values.get("pump_leakage_change_lpm"),
+        "its internal leakage has grown by {0.mean:.2f} L/min ({0.low:.2f} to {0.high:.2f}); ",
+    )
+    return f"{urgency}: {grown}{_level(said)}."
 
 
 def _compensator(said: Said) -> str:
     setting = said.values.get("pressure_setting_change_bar")
-    by = f" by {setting.mean:+.1f} bar" if setting else ""
+    moved = "it does not regulate as it did"
+    if setting is not None and setting.low * setting.high > 0.0:
+        moved = f"the regulated pressure has moved by {setting.mean:+.1f} bar"
     return (
-        f"Check the pump's compensator: the regulated pressure has moved{by}. "
+        f"Check the pump's compensator: {moved}. "
         "Compare the discharge sensor with a gauge, then adjust; if it does not hold, replace the pump."
     )
 
 
 def _system(said: Said) -> str:
-    leak = said.values.get("system_leakage_change_lpm")
-    by = f" about {leak.mean:.1f} L/min ({leak.low:.1f} to {leak.high:.1f})" if leak else ""
+    by = _grown(said.values.get("system_leakage_change_lpm"), " about {0.mean:.1f} L/min ({0.low:.1f} to {0.high:.1f})")
     return f"Leave the pump in place and look in the circuit: actuators and valves leak{by} more than at the baseline."
 
 
 def _drain(said: Said) -> str:
     drain = said.values.get("drain_resistance_change_percent")
-    by = f" by {drain.mean:.0f} % ({drain.low:.0f} to {drain.high:.0f} %)" if drain else ""
+    by = _grown(drain, " by {0.mean:.0f} % ({0.low:.0f} to {0.high:.0f} %)")
     return f"Leave the pump in place and check the case drain line and its filter: its resistance has grown{by}."
 
 
@@ -126,14 +178,17 @@ def _sensor(said: Said) -> str:
 
 def _undecided(said: Said) -> str:
     shares = sorted(((said.probabilities.get(c, 0.0), c) for c in said.candidates), reverse=True)
-    names = ", ".join(f"{NAMES[c]} ({100 * p:.0f} %)" for p, c in shares)
+    names = ", ".join(f"{NAMES[c]} ({_percent(p)})" for p, c in shares)
     sides = {SIDE_OF[c] for c in said.candidates}
     if sides == {Side.SYSTEM}:
         first = "Leave the pump in place: the change is in the circuit, the data cannot yet say which."
     elif sides == {Side.PUMP}:
         first = "Plan a check of the pump: the change is its own, the data cannot yet say which."
     else:
-        first = "Something has changed and the data cannot yet say what. Do not replace the pump on this."
+        known = "the data cannot yet say what"
+        if said.probabilities.get(State.OTHER, 0.0) > _UNSURE:
+            known = "no known cause explains the records"
+        first = f"Something has changed and {known}. Do not replace the pump on this."
     return f"{first} Possible: {names}.{_would_tell(said)}"
 
 
@@ -143,7 +198,7 @@ def _would_tell(said: Said) -> str:
         return ""
     history, first = said.coverage, said.evidence[0]
     holds = ""
-    if history.coldest is not None and history.warmest is not None:
+    if history.coldest is not None and history.warmest is not None and history.span_k >= SPAN_K:
         holds = f" The windows span {history.coldest:.0f} to {history.warmest:.0f} degC already;"
     return f"{holds} {first.records} more would decide: {first.what}."
 
@@ -164,6 +219,15 @@ _SENTENCES = {
     State.SENSOR_FAULT: _sensor,
     State.INDETERMINATE: _undecided,
 }
+
+
+def beyond_case_limit(said: str, found: CasePressure) -> str:
+    """Advice where the plain rule of the case pressure is broken: nobody flies on beside it."""
+    warning = (
+        f"Find out before the next flight why the case stands {found.over_reservoir_bar:.1f} bar over the reservoir "
+        f"(this pump's reference {found.reference_bar:.1f} bar, limit {found.limit_bar:g} bar)."
+    )
+    return f"{warning} {said.replace(f'{FLY_ON}: c', 'C')}"
 
 
 def implausible(channel: str, why: str, records: int) -> str:

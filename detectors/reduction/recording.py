@@ -7,6 +7,7 @@ import numpy as np
 
 from detectors.reduction.behaviour import behaviours
 from detectors.reduction.conditioning import conditioned
+from detectors.reduction.declared import with_stand_ins
 from detectors.reduction.load_steps import droop_from_rest
 from detectors.reduction.marks import remarks, with_good, without_bad
 from detectors.reduction.spectrum import spectrum
@@ -26,7 +27,7 @@ def reduce_recording(
 
     What ``marks`` call bad is no evidence; what they call good is a window whether or not it is steady.
     """
-    recording = conditioned(without_bad(recording, marks), pump)
+    recording = conditioned(with_stand_ins(without_bad(recording, marks), pump), pump)
     good = [(m.start_s, m.end_s) for m in marks if m.good]
     zero, off = pump_off_zero(recording, pump, thresholds, good)
     steady = with_good(steady_windows(recording, pump, thresholds), marked_windows(recording, pump, thresholds, good))

@@ -5,11 +5,27 @@ from numpy.typing import NDArray
 
 from detectors.words.numbers import MAD_TO_SIGMA
 from detectors.words.observation import Mean
+from twin.recording import Recording
 
 Samples = NDArray[np.float64]
 
 SPIKE_SIGMAS = 6.0
 """Robust sigmas from which a sample is a spike (estimate: a normal law shows one in 500 million)."""
+WARMING_S = 60.0
+"""Shortest time that a rate of warming is told from [s] (estimate: a probe that repeats to 0.1 K tells 0.2 K/min)."""
+_FEWEST_FOR_RATE = 3
+
+
+def warming_rate(recording: Recording, start_s: float, end_s: float) -> float | None:
+    """How fast the fluid warms about a stretch [K/min]: a straight line through at least ``WARMING_S``; None without one."""
+    middle, half = 0.5 * (start_s + end_s), 0.5 * max(end_s - start_s, WARMING_S)
+    first, last = np.searchsorted(recording.time_s, (middle - half, np.nextafter(middle + half, np.inf)))
+    time, temperature = recording.time_s[first:last], recording["fluid_temperature_degc"][first:last]
+    known = np.isfinite(temperature)
+    if known.sum() < _FEWEST_FOR_RATE or float(np.ptp(time[known])) < 0.5 * half:
+        return None
+    x = time[known] - float(time[known].mean())
+    return float(60.0 * (x @ temperature[known]) / (x @ x))
 
 
 def without_spikes(samples: Samples, smallest_sigma: float = 0.0) -> Samples:

@@ -21,7 +21,8 @@ from detectors.reduction.conditioning import (
     without_single_spikes,
     words,
 )
-from detectors.reduction.statistics import block_means, mean_with_error, without_spikes
+from detectors.reduction.declared import fitted_channels
+from detectors.reduction.statistics import block_means, mean_with_error, warming_rate, without_spikes
 from detectors.words.numbers import LOWEST_PRESSURE_SHARE, MAD_TO_SIGMA, MEDIAN_ERROR
 from detectors.words.observation import Mean, Window, WindowKind
 from twin.parameters import PumpType
@@ -101,7 +102,7 @@ def marked_windows(
     found = []
     for start_s, end_s in stretches:
         first, end = np.searchsorted(recording.time_s, (start_s, np.nextafter(end_s, np.inf)))
-        medians = {n: _median(recording[n][first:end]) for n in REQUIRED_CHANNELS[1:]}
+        medians = {n: _median(recording[n][first:end]) for n in fitted_channels(pump)}
         flow = _median(recording["commanded_flow_lpm"][first:end]) if "commanded_flow_lpm" in recording else 0.0
         if not all(math.isfinite(m) for m in (*medians.values(), flow)):
             continue
@@ -109,7 +110,7 @@ def marked_windows(
             continue
         if flow > thresholds["window_commanded_flow_lpm"]:
             found.append(_window(search, WindowKind.CONSTANT_FLOW, slice(int(first), int(end)), None))
-        elif medians["discharge_pressure_bar"] > _regulated(pump):
+        elif medians.get("discharge_pressure_bar", math.inf) > _regulated(pump):
             found.append(_window(search, WindowKind.ZERO_FLOW, slice(int(first), int(end)), None))
     return found
 
@@ -132,7 +133,7 @@ def _blocks(recording: Recording, pump: PumpType, shortest_s: float) -> _Blocks:
             samples = without_single_spikes(samples, _SMALLEST_SPIKE * sensor.full_scale_bar)
         starts, channels[name] = block_means(time, samples, duration)
     edges = np.append(starts, starts[-1] + duration)
-    return _Blocks(edges, duration, channels, {n: gaps_of(time, recording[n]) for n in REQUIRED_CHANNELS[1:]})
+    return _Blocks(edges, duration, channels, {n: gaps_of(time, recording[n]) for n in fitted_channels(pump)})
 
 
 def _candidates(search: _Search) -> list[_Candidate]:
@@ -149,8 +150,8 @@ def _candidates(search: _Search) -> list[_Candidate]:
         activity = channels.get("flight_control_activity")
         if activity is not None:
             quiet = ~(activity > thresholds["window_control_activity"])
-        high = pressure > _regulated(search.pump)
-    dark = ~np.isfinite(pressure)
+        high = _regulates(pressure, search.pump, recorded=channels)
+    dark = ~np.isfinite(pressure) & ("discharge_pressure_bar" in search.blocks.gaps)
     zero = turning & quiet & high
     zero_unknown = quiet & (unknown | dark) & (turning | unknown) & (high | dark)
     commanded = channels.get("commanded_flow_lpm")
@@ -180,6 +181,15 @@ def _levels(commanded: NDArray[np.float64], flowing: NDArray[np.bool_], step: fl
             count, held = count + 1, commanded[i]
         level[i], last = count, i
     return level
+
+
+def _regulates(
+    pressure: NDArray[np.float64], pump: PumpType, recorded: Mapping[str, NDArray[np.float64]]
+) -> NDArray[np.bool_]:
+    """Where the compensator regulates; where nobody records the pressure, wherever the controls are known."""
+    if "discharge_pressure_bar" in fitted_channels(pump):
+        return np.asarray(pressure > _regulated(pump))
+    return np.full(len(pressure), "flight_control_activity" in recorded or "commanded_flow_lpm" in recorded)
 
 
 def _regulated(pump: PumpType) -> float:
@@ -304,7 +314,8 @@ def _window(search: _Search, kind: WindowKind, inside: slice, reason: str | None
             means[name] = mean
     scatter = _scatter(recording["discharge_pressure_bar"][inside])
     bridged = shares_lost(search.blocks.gaps, start_s, end_s)
-    return Window(kind, start_s, end_s, reason is None, reason, means, scatter, bridged)
+    warming = warming_rate(recording, start_s, end_s) if "fluid_temperature_degc" not in search.pump.lacks else None
+    return Window(kind, start_s, end_s, reason is None, reason, means, scatter, bridged, warming)
 
 
 def _samples(search: _Search, kind: WindowKind, first: int, end: int) -> slice:
@@ -327,7 +338,7 @@ def _holds(search: _Search, kind: WindowKind, inside: slice) -> NDArray[np.bool_
         if "flight_control_activity" in recording:
             holds &= ~(recording["flight_control_activity"][inside] > thresholds["window_control_activity"])
         if kind is WindowKind.ZERO_FLOW:
-            holds &= recording["discharge_pressure_bar"][inside] > _regulated(search.pump)
+            holds &= _regulates(recording["discharge_pressure_bar"][inside], search.pump, recorded=recording.channels)
         if "commanded_flow_lpm" in recording:
             commanded, limit = recording["commanded_flow_lpm"][inside], thresholds["window_commanded_flow_lpm"]
             holds &= commanded <= limit if kind is WindowKind.ZERO_FLOW else commanded > limit

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from detectors.reduction.conditioning import Gaps, bridged_stretches, gaps_of, shares_lost
+from detectors.reduction.declared import fitted_channels
 from detectors.reduction.statistics import mean_with_error, without_spikes
 from detectors.words.observation import Mean, Window, WindowKind, Zero
 from twin.parameters import PumpType
-from twin.recording import Recording
+from twin.recording import OPTIONAL_CHANNELS, Recording
 
 PUMP_OFF_SPEED_FRACTION = 0.05
 SETTLING_AFTER_SHUTDOWN_S = 30.0
@@ -40,10 +41,12 @@ def pump_off_zero(
         off = speed < PUMP_OFF_SPEED_FRACTION * pump.nominal_speed_rpm
     unknown = ~np.isfinite(speed)
     time = recording.time_s
-    gaps = [gaps_of(time, recording[name]) for name in ("shaft_speed_rpm", "case_pressure_bar")]
+    asked = [n for n in ("shaft_speed_rpm", "case_pressure_bar") if n in fitted_channels(pump)]
+    gaps = [gaps_of(time, recording[name]) for name in asked]
     running = ~off & ~unknown
     found = bridged_stretches(off, unknown, np.append(time, time[-1:]), gaps, 0.0)
-    lost = {n: gaps_of(time, recording[n]) for n in _AT_REST if n in recording} if found else {}
+    kept = [n for n in _AT_REST if n in recording and (n in OPTIONAL_CHANNELS or n in fitted_channels(pump))]
+    lost = {n: gaps_of(time, recording[n]) for n in kept} if found else {}
     windows = []
     zero = unknown_zero
     for first, end in found:

@@ -47,6 +47,7 @@ class Window:
     ``means`` maps channel names to means over the stretch. They are as measured: no zero is taken out.
     ``scatter_bar`` is the one-sigma of the discharge pressure's samples, None where they cannot tell.
     ``bridged`` says how much of the stretch holds no samples and of which channels, None where none is lost.
+    ``warming_k_per_min`` is how fast the fluid warms about it [K/min], None where that cannot be told.
     """
 
     kind: WindowKind
@@ -57,6 +58,7 @@ class Window:
     means: Mapping[str, Mean]
     scatter_bar: float | None = None
     bridged: str | None = None
+    warming_k_per_min: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,8 @@ class ReducedWindow(TypedDict):
     """One sigma of the samples of the discharge pressure [bar]; null where they cannot tell."""
     bridged: NotRequired[str | None]
     """How much of it holds no samples and of which channels, `3 of 120 s bridged: case pressure`; null where none is lost."""
+    warming_k_per_min: NotRequired[float | None]
+    """How fast the fluid warms about it [K/min]; null where that cannot be told."""
 
 
 @shape

@@ -117,6 +117,10 @@ class PumpType(PumpTypeSummary):
     """Limits that hold for the type."""
     population: dict[str, Quantity]
     """How pumps of the type differ from each other."""
+    lacks: NotRequired[list[str]]
+    """Required channels that records of the type do not have, by name; left out where they have all."""
+    own_twin: NotRequired[bool]
+    """False for a type that is watched for change against its measured curve alone; left out for all others."""
 
 
 @shape
@@ -159,16 +163,18 @@ class Circuit(TypedDict):
 
 @shape
 class ReferencePoint(TypedDict):
-    """A measured point of a healthy pump."""
+    """A measured point of a healthy pump; null where the pump type's records lack the channel."""
 
-    discharge_pressure_bar: float
+    discharge_pressure_bar: float | None
     """Discharge pressure, gauge [bar]."""
-    case_minus_reservoir_bar: float
+    case_minus_reservoir_bar: float | None
     """Case pressure minus reservoir pressure [bar]."""
-    fluid_temperature_degc: float
+    fluid_temperature_degc: float | None
     """Fluid temperature [degC]."""
-    speed_rpm: float
+    speed_rpm: float | None
     """Shaft speed [rpm]."""
+    warming_k_per_min: NotRequired[float]
+    """How fast the fluid warmed meanwhile [K/min]; 0 where nobody said."""
 
 
 class ReferencePoints(TypedDict):

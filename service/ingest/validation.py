@@ -42,7 +42,8 @@ def channel_faults(
     ``full_scales`` are those [bar] of the aircraft's own sensors by channel; None asks nothing of units: what has been
     taken once is read as it is for ever.
     """
-    faults = [Fault(f"channels.{n}", "is missing") for n in REQUIRED_CHANNELS if n not in raw.channels]
+    needed = [n for n in REQUIRED_CHANNELS if n not in pump.lacks]
+    faults = [Fault(f"channels.{n}", "is missing") for n in needed if n not in raw.channels]
     known = [n for n in (*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS) if n in raw.channels]
     lengths = {n: len(raw.channels[n]) for n in raw.channels}
     if len(set(lengths.values())) > 1:

@@ -10,10 +10,11 @@ from service.answers import registry as answers
 from service.answers.words import instant
 from service.bodies import Body
 from service.errors import Fault, Invalid
-from service.history.healthy_curves import MeasuredPoint, judged_curve
+from service.history.healthy_curves import CONDITIONS, MeasuredPoint, judged_curve
 from service.history.setting import DEFAULT_CIRCUIT
 from service.pump_types.parameter_sets import held_type
 from service.storage.tables import ReferenceCurve
+from twin.parameters import PumpType
 from twin.pumps import circuit_parameters
 
 
@@ -46,18 +47,19 @@ def put(session: Session, operator: str | None, pump_type: str, body: NewReferen
     Raises
     ------
     Invalid
-        naming every point at whose speed and temperature the twin has no solution to compare it with.
+        naming every number that a point lacks and the type does not, and every point at whose speed and temperature the
+        twin has no solution to compare it with.
     """
-    solved = followed(
-        judged_curve(body.points), held_type(session, operator, pump_type), circuit_parameters(DEFAULT_CIRCUIT)
-    )
-    faults = [
-        Fault(
-            f"body.points.{i}", f"the twin has no solution at {p.speed_rpm:g} rpm and {p.fluid_temperature_degc:g} degC"
-        )
-        for i, (p, good) in enumerate(zip(body.points, solved, strict=True))
-        if not good
+    kind = held_type(session, operator, pump_type)
+    missing = [
+        Fault(f"body.points.{i}.{name}", "is missing, and the pump type does not say that its records lack it")
+        for i, point in enumerate(body.points)
+        for name, channel in CONDITIONS.items()
+        if getattr(point, name) is None and channel not in kind.lacks
     ]
+    if missing:
+        raise Invalid(f"the curve lacks {len(missing)} number(s); nothing was stored", missing)
+    faults = _not_followed(body, kind)
     if faults:
         raise Invalid(f"{len(faults)} point(s) cannot be compared with the twin; nothing was stored", faults)
     row = ReferenceCurve(
@@ -70,6 +72,20 @@ def put(session: Session, operator: str | None, pump_type: str, body: NewReferen
     session.add(row)
     session.flush()
     return row
+
+
+def _not_followed(body: NewReferenceCurve, kind: PumpType) -> list[Fault]:
+    """Points that the twin has no solution for; none of a type that is judged without one."""
+    if not kind.own_twin or {"shaft_speed_rpm", "fluid_temperature_degc"}.intersection(kind.lacks):
+        return []
+    solved = followed(judged_curve(body.points), kind, circuit_parameters(DEFAULT_CIRCUIT))
+    return [
+        Fault(
+            f"body.points.{i}", f"the twin has no solution at {p.speed_rpm:g} rpm and {p.fluid_temperature_degc:g} degC"
+        )
+        for i, (p, good) in enumerate(zip(body.points, solved, strict=True))
+        if not good
+    ]
 
 
 def document(pump_type: str, row: ReferenceCurve | None) -> answers.ReferenceCurve:

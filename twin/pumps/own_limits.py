@@ -19,7 +19,7 @@ def limit_faults(kind: PumpType) -> list[tuple[str, str]]:
 
     Its zero-flow pressure at the reference temperature must lie within its own limits, give or take two of the
     population's spreads: outside of them no window of such a pump could ever be accepted. Its sensors must reach the
-    setting, its speed and reservoir must have a steady state.
+    setting, its speed and reservoir must have a steady state. Of a type without a twin of its own only the limits are asked.
     """
     limits = {name: q.value for name, q in kind.limits.items()}
     faults = [
@@ -39,6 +39,8 @@ def limit_faults(kind: PumpType) -> list[tuple[str, str]]:
     if full_scale < high:
         words = f"full scale of {full_scale:g} bar lies below the setting's upper limit of {high:g} bar"
         faults.append(("sensors.discharge_pressure_bar", words))
+    if not kind.own_twin:
+        return faults
     condition = Condition(kind.nominal_speed_rpm, reference, kind.nominal_reservoir_pressure_bar)
     point = operating_point(kind.pump, condition, circuit_parameters("shared_return"))
     fault = problem(point, 0)

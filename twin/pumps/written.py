@@ -10,10 +10,13 @@ from twin.operating_point import operating_point, problem
 from twin.parameters import Pump, PumpType, Quantity, Sensor, block
 from twin.parts.geometry import geometry_faults
 from twin.pumps import PUMP_TYPES, circuit_parameters
+from twin.recording import MAY_LACK
 
 _GROUPS = ("quantities", "limits", "population")
-_WHOLE = ("id", "title", "nominal_speed_rpm", "nominal_reservoir_pressure_bar", "sensors", *_GROUPS)
-_DERIVED = ("id", "base", "title", "changes")
+_FRAME = ("nominal_speed_rpm", "nominal_reservoir_pressure_bar", "sensors")
+_SIGHT = ("lacks", "own_twin")
+_WHOLE = ("id", "title", *_FRAME, *_SIGHT, *_GROUPS)
+_DERIVED = ("id", "base", "title", "changes", *_FRAME, *_SIGHT)
 _SENSOR = ("full_scale_bar", "accuracy_percent_full_scale", "repeatability_percent_full_scale")
 _LIKE_UNITS = (("m", "mm", "um"), ("cm3", "mm3", "L"), ("bar", "MPa", "Pa"), ("rad", "deg"), ("N/m", "N/mm"))
 _REFERENCE = PUMP_TYPES["h225"]
@@ -44,8 +47,10 @@ def pump_type_from(document: Mapping[str, Any], bases: Mapping[str, PumpType] = 
     document
         Either all of ``id``, ``title``, ``nominal_speed_rpm`` [rpm], ``nominal_reservoir_pressure_bar`` [bar gauge],
         ``sensors``, ``quantities``, ``limits``, ``population``; or ``id``, ``base`` and ``changes``, a mapping from
-        ``part.field``, ``limits.name`` or ``population.name`` to a quantity. A quantity has ``value``, ``unit``,
-        ``source`` and perhaps ``uncertainty``; dotted names may be nested tables, as TOML writes them.
+        ``part.field``, ``limits.name`` or ``population.name`` to a quantity; with the frame's numbers and ``sensors``
+        where they differ. A quantity has ``value``, ``unit``, ``source`` and perhaps ``uncertainty``; dotted names may be
+        nested tables, as TOML writes them. Either may say which channels its records ``lacks``, and that it has no twin
+        of its own (``own_twin`` false): then its numbers stand in, and need not run at its speed and limits.
     bases
         Pump types that ``base`` may name.
 
@@ -62,8 +67,8 @@ def pump_type_from(document: Mapping[str, Any], bases: Mapping[str, PumpType] = 
         base = bases.get(str(document["base"]))
         if base is None:
             faults.append(("base", f"{document['base']!r} is not known; known: {', '.join(sorted(bases))}"))
-        groups = _changed(document.get("changes"), base or _REFERENCE, faults)
-        frame = base or _REFERENCE
+        groups = _changed(document, base or _REFERENCE, faults)
+        frame = _reframed(document, base or _REFERENCE, faults)
         if "title" in document:
             frame = replace(frame, title=text_from("title", document["title"], faults))
         else:
@@ -71,11 +76,13 @@ def pump_type_from(document: Mapping[str, Any], bases: Mapping[str, PumpType] = 
     else:
         groups = {group: _group(group, document.get(group), faults) for group in _GROUPS}
         frame = _frame(document, faults)
+    frame = _sighted(document, frame, faults)
     if faults:
         raise ParameterFaultsError(faults)
     kind = replace(frame, name=name, pump=_pump(groups["quantities"]), **groups)  # type: ignore[arg-type]
     faults += [(fault.split(" ", 1)[0], fault.split(" ", 1)[1]) for fault in geometry_faults(kind.pump)]
-    if not faults:
+    # what only stands in need not run where the real one does
+    if not faults and kind.own_twin:
         faults += _running_faults(kind)
     if faults:
         raise ParameterFaultsError(faults)
@@ -99,6 +106,8 @@ def document_of(kind: PumpType) -> dict[str, Any]:
         "nominal_reservoir_pressure_bar": kind.nominal_reservoir_pressure_bar,
         "sensors": sensors,
         **{group: {n: _plain(q) for n, q in getattr(kind, group).items()} for group in _GROUPS},
+        **({"lacks": list(kind.lacks)} if kind.lacks else {}),
+        **({} if kind.own_twin else {"own_twin": False}),
     }
 
 
@@ -120,8 +129,13 @@ def _pump(quantities: Mapping[str, Quantity]) -> Pump:
     return Pump(**parts)
 
 
-def _changed(given: Any, base: PumpType, faults: list[tuple[str, str]]) -> dict[str, Mapping[str, Quantity]]:
+def _changed(
+    document: Mapping[str, Any], base: PumpType, faults: list[tuple[str, str]]
+) -> dict[str, Mapping[str, Quantity]]:
+    given = document.get("changes")
     groups = {group: dict(getattr(base, group)) for group in _GROUPS}
+    if "changes" not in document and any(name in document for name in (*_FRAME, *_SIGHT)):
+        return dict(groups.items())
     if not isinstance(given, Mapping) or not given:
         faults.append(("changes", "must name at least one quantity, e.g. slipper.h"))
         return {}
@@ -215,6 +229,42 @@ def _frame(document: Mapping[str, Any], faults: list[tuple[str, str]]) -> PumpTy
     return replace(
         _REFERENCE, title=title, nominal_speed_rpm=speed, nominal_reservoir_pressure_bar=reservoir, sensors=sensors
     )
+
+
+def _reframed(document: Mapping[str, Any], base: PumpType, faults: list[tuple[str, str]]) -> PumpType:
+    """The base with those numbers and sensors of the frame that a derived document states."""
+    usual = document_of(base)
+    stated = {name: document.get(name, usual[name]) for name in _FRAME}
+    if isinstance(stated["sensors"], Mapping):
+        stated["sensors"] = {**usual["sensors"], **stated["sensors"]}
+    framed = _frame({**stated, "title": base.title}, faults)
+    return replace(
+        base,
+        nominal_speed_rpm=framed.nominal_speed_rpm,
+        nominal_reservoir_pressure_bar=framed.nominal_reservoir_pressure_bar,
+        sensors=framed.sensors,
+    )
+
+
+def _sighted(document: Mapping[str, Any], frame: PumpType, faults: list[tuple[str, str]]) -> PumpType:
+    """The frame with the channels that records of the type lack, and whether it has a twin of its own."""
+    lacks, own = document.get("lacks", list(frame.lacks)), document.get("own_twin", frame.own_twin)
+    if not isinstance(own, bool):
+        faults.append(("own_twin", "is not true or false"))
+        own = True
+    if not isinstance(lacks, list):
+        faults.append(("lacks", f"is not a list of channels; a type may lack {', '.join(MAY_LACK)}"))
+        lacks = []
+    faults += [
+        (f"lacks.{i}", f"{name!r} is not one of {', '.join(MAY_LACK)}")
+        for i, name in enumerate(lacks)
+        if name not in MAY_LACK
+    ]
+    if {"discharge_pressure_bar", "case_pressure_bar"}.issubset(n for n in lacks if isinstance(n, str)):
+        faults.append(("lacks", "names both pressures: nothing is left to judge by"))
+    if faults:
+        return frame
+    return replace(frame, lacks=tuple(n for n in MAY_LACK if n in lacks), own_twin=own)
 
 
 def _running_faults(kind: PumpType) -> list[tuple[str, str]]:

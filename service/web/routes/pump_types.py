@@ -26,6 +26,7 @@ from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType
 from twin.pumps.written import document_of
+from twin.recording import MAY_LACK
 
 router = APIRouter(prefix="/pump-types", tags=["registry"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="For whom; a key of one operator always means its own")]
@@ -60,6 +61,15 @@ _SCHEMA = {
         "nominal_speed_rpm": {"type": "number"},
         "nominal_reservoir_pressure_bar": {"type": "number"},
         "sensors": {"type": "object"},
+        "lacks": {
+            "type": "array",
+            "items": {"enum": list(MAY_LACK)},
+            "description": "required channels that records of the type do not have; never both pressures",
+        },
+        "own_twin": {
+            "type": "boolean",
+            "description": "false: nobody has modelled it, and it is watched for change against its measured healthy curve",
+        },
         **{
             group: {"type": "object", "additionalProperties": _QUANTITY}
             for group in ("quantities", "limits", "population")
