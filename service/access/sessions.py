@@ -147,24 +147,26 @@ def forget_failures(session: Session, name: str, address: str) -> None:
 
 
 def key_of(session: Session, key: str) -> ApiKey | None:
-    """The living key of that text; None without one."""
+    """The living key of that text; None without one, and for a key with scopes: the pages are for all that a role may."""
     row = session.scalar(select(ApiKey).where(ApiKey.key_hash == key_hash(key)))
     try:
         if row is not None:
             check_key(row, datetime.now(UTC))
     except Unauthenticated:
         return None
-    return row
+    return None if row is None or row.scopes is not None else row
 
 
 def _principal(session: Session, row: SignedIn, now: datetime) -> Principal | None:
     if row.user_id is not None:
         user = session.get(User, row.user_id)
-        return Principal(user.name, user.role, user.operator) if user is not None and user.disabled_at is None else None
+        if user is None or user.disabled_at is not None:
+            return None
+        return Principal(user.name, user.role, user.operator, user.id)
     key = session.get(ApiKey, row.key_id) if row.key_id is not None else None
     if key is None or key.revoked_at is not None or (key.expires_at is not None and key.expires_at <= now):
         return None
-    return Principal(key.owner, key.role, key.operator)
+    return Principal(key.owner, key.role, key.operator, key.id)
 
 
 def _hash(text: str) -> str:

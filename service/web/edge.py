@@ -4,19 +4,23 @@ import asyncio
 import time
 import uuid
 from contextlib import suppress
+from dataclasses import fields
 from http import HTTPStatus
 
 import structlog
 from prometheus_client import Counter, Histogram
-from starlette.datastructures import MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.access.account import Account, working_for
+from service.access.crowd import Crowd
 from service.context import Context
 from service.errors import Problem, TooSlow
 from service.settings import Settings
 from service.storage.failures import problem_of
-from service.web.admission import body_limit, check_admission, too_large
+from service.web.admission import READING, body_limit, check_admission, too_large
+from service.web.dependencies import credential_of
 from service.web.paging import sign_with
 from service.web.problems import ProblemResponse
 
@@ -26,6 +30,7 @@ _METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"
 _REQUESTS = Counter("casedrain_requests_total", "HTTP requests", ["method", "route", "status"])
 _SECONDS = Histogram("casedrain_request_seconds", "Time to answer", ["method", "route"])
 _ERRORS = Counter("casedrain_errors_total", "Requests that failed by a mistake of ours", ["route"])
+_PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
 _GONE = 499
 """Counted where the client went away before its answer began, as proxies do; nobody is sent it."""
 _SLOWEST_BYTES_PER_S = 10_000
@@ -59,9 +64,10 @@ class Edge:
         settings = context.settings
         sign_with(context.cursor_key)
         exchange = _Exchange(scope, receive, send, settings)
-        with structlog.contextvars.bound_contextvars(request_id=exchange.request_id):
+        with structlog.contextvars.bound_contextvars(request_id=exchange.request_id), working_for(exchange.account):
             try:
                 check_admission(scope, settings)
+                exchange.come(context.crowd)
                 if scope["method"] == "HEAD":
                     scope["method"] = "GET"
                 await self._app(scope, exchange.receive, exchange.send)
@@ -70,7 +76,7 @@ class Edge:
             except Exception as error:
                 await _failed(exchange, error)
             finally:
-                exchange.note()
+                exchange.note(context.crowd)
 
 
 async def _failed(exchange: "_Exchange", error: Exception) -> None:
@@ -103,6 +109,8 @@ class _Exchange:
         self.gone = False
         self.complete = False
         self.refusal: Problem | None = None
+        self.account = Account()
+        self._entered_as: str | None = None
         self._scope, self._receive, self._send, self._settings = scope, receive, send, settings
         self._started_at = time.perf_counter()
         self._bytes = 0
@@ -119,6 +127,26 @@ class _Exchange:
         # a route of a router that was taken in knows its own part only; its context knows the whole
         taken_in = self._scope.get("fastapi", {}).get("effective_route_context")
         return getattr(taken_in or self._scope.get("route"), "path", None) or "none"
+
+    def come(self, crowd: Crowd) -> None:
+        """Come in beside others; who looks whether the process lives is never turned away.
+
+        Raises
+        ------
+        TooMany, Unavailable
+            with ``Retry-After``.
+        """
+        if self.path in _PROBES:
+            return
+        headers = Headers(scope=self._scope)
+        client = self._scope.get("client")
+        known = crowd.came(
+            credential_of(headers), client[0] if client else "unknown", brings_bytes=self.method not in READING
+        )
+        for field in fields(Account):
+            setattr(self.account, field.name, getattr(known, field.name))
+        self._entered_as = known.tenant
+        crowd.enter(known.tenant)
 
     async def receive(self) -> Message:
         """Next part of the body, within the bounds of size and time."""
@@ -162,8 +190,11 @@ class _Exchange:
         with suppress(_EnoughError):
             await ProblemResponse(problem)(self._scope, self._receive, self.send)
 
-    def note(self) -> None:
-        """One line in the log, one count in the metrics."""
+    def note(self, crowd: Crowd) -> None:
+        """One line in the log, one count in the metrics, one charge."""
+        if self._entered_as is not None:
+            crowd.leave(self._entered_as)
+            crowd.quotas.charge(self.account, self._bytes)
         seconds = time.perf_counter() - self._started_at
         method = self.method if self.method in _METHODS else "other"
         status = self.status if self.started and not (self.gone and self.status >= 400) else _GONE

@@ -104,6 +104,7 @@ def test_what_a_file_manager_leaves_in_an_archive_is_no_record(tmp_path: Path) -
     )
     archive = opened_archive(path, "zip", 2_000_000)
     assert [archive.name(i) for i in range(len(archive))] == ["a.json"]
+    archive.close()
 
 
 def link() -> zipfile.ZipInfo:

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from service.access.account import current_account, in_background
 from service.access.security import Principal
 from service.answers import records as answers
 from service.answers.words import Page, instant
@@ -72,6 +73,9 @@ async def upload(
     named = await run_in_threadpool(mapping_of, context, asker, overrides, mapping)
     overrides = named_by(named.mapping.name_pattern if named else None, file_name_of(request, file_name), overrides)
     declared = request.headers.get("content-length", "")
+    account, uploads = current_account(), context.crowd.uploads
+    if wait:
+        uploads.check(account)  # before its bytes are taken
     async with context.spool.received(request.stream(), declared, context.settings.max_upload_bytes) as file:
         new = Upload(
             file=file,
@@ -81,14 +85,24 @@ async def upload(
             supersedes=supersedes,
             mapping=named,
         )
-        take = context.acceptance.accept if wait else context.acceptance.store
-        accepted = await run_in_threadpool(take, new, asker)
+        if wait:
+            async with uploads.entered_by_task(account):
+                accepted = await run_in_threadpool(context.acceptance.accept, new, asker)
+        else:
+            accepted = await run_in_threadpool(context.acceptance.store, new, asker)
     answer = await run_in_threadpool(_answer, context, asker, accepted.record_id)
     response.status_code = 200 if accepted.known else (201 if wait and not accepted.waiting else 202)
     response.headers["Location"] = location("records", accepted.record_id)
     if not wait and answer["status"] == "stored":
-        background.add_task(context.acceptance.process, accepted.record_id)
+        background.add_task(_processed, context, accepted.record_id, answer["operator"])
     return answer
+
+
+async def _processed(context: Context, record_id: str, operator: str) -> None:
+    """Analyse a record that its upload did not wait for, in its operator's turn."""
+    with in_background(operator) as account:
+        async with context.crowd.uploads.entered_by_task(account):
+            await run_in_threadpool(context.acceptance.process, record_id)
 
 
 @router.get("", summary="List records, the newest first")
