@@ -78,6 +78,8 @@ class Settings(BaseSettings):
     quota_key_jobs: int = Field(default=20, ge=0)
     """Jobs that have not ended, counted in the database over all processes."""
     quota_operator_jobs: int = Field(default=50, ge=0)
+    traces: Literal["off", "otlp"] = "off"
+    """Send traces by OTLP over HTTP, to where OpenTelemetry's own variables (`OTEL_EXPORTER_OTLP_ENDPOINT` …) say."""
     job_concurrency: int = Field(default=1, ge=1, le=64)
     worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
     """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""

@@ -137,6 +137,12 @@ class Operator(TypedDict):
     """Number of its records (a count)."""
     retention_days: int | None
     """How long its raw bytes are kept [d]; null: for good."""
+    job_days: int | None
+    """How long its jobs are kept after they ended, with archives and documents [d]; null: for good."""
+    audit_days: int | None
+    """How long its audit entries are kept [d]; null: for good."""
+    legal_hold: bool
+    """Whether nothing of it goes, whatever its age, nor can be deleted."""
 
 
 @shape

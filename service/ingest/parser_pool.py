@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from opentelemetry import trace
 from prometheus_client import Histogram
 
 from service import errors
@@ -32,6 +33,7 @@ _ARROW = {"ARROW_DEFAULT_MEMORY_POOL": "system", "ARROW_NUM_THREADS": "1"}
 _START_TIMEOUT_S = 60.0
 _FILE = ("decoding the file", "split the record into segments")
 _ARCHIVE = ("looking through the upload", "split it into several")
+_tracer = trace.get_tracer("casedrain")
 _SECONDS = Histogram("casedrain_parse_seconds", "Time that the parser took for a file")
 
 
@@ -121,7 +123,7 @@ class ParserPool:
 
     def _answer(self, request: dict[str, Any], output: Path, words: tuple[str, str]) -> dict[str, Any]:
         account = current_account()
-        with self._gate.entered(account), self._worker(words) as worker:
+        with _tracer.start_as_current_span("parse"), self._gate.entered(account), self._worker(words) as worker:
             began = time.monotonic()
             try:
                 limits = {"output": str(output), "memory_bytes": self._limits.memory_bytes}

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
+from prometheus_client import Counter
 from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import IntegrityError
@@ -37,6 +38,8 @@ from service.storage.spool import SpooledFile
 from service.storage.tables import ANALYSED, REFUSED, STORED, SUPERSEDED, Pump, Record, Refusal
 from service.thresholds.layers import thresholds_of
 from twin.parameters import PumpType
+
+_REFUSALS = Counter("casedrain_refusals_total", "Uploads that were refused for what is wrong with them")
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,6 +301,7 @@ class Acceptance:
             reduced_again(self._database, self._archive, held.id)
 
     def _refuse(self, upload: Upload, operator: str, problem: Problem) -> None:
+        _REFUSALS.inc()
         with self._database.writing() as session:
             session.add(
                 Refusal(

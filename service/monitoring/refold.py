@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import structlog
+from opentelemetry import trace
+from prometheus_client import Histogram
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
@@ -42,6 +44,8 @@ REPROCESSED = Cause("reprocessed")
 _MOST_IDS = 500
 """Ids of one query: SQLite allows 999 bound values in old builds."""
 log = structlog.get_logger("casedrain")
+_tracer = trace.get_tracer("casedrain")
+_FOLD_SECONDS = Histogram("casedrain_fold_seconds", "Time to fold a pump's history anew and store its verdicts")
 
 
 def refold(
@@ -65,6 +69,11 @@ def refold(
     Unavailable
         when a record must be analysed anew and its raw bytes are gone; nothing is stored then.
     """
+    with _FOLD_SECONDS.time(), _tracer.start_as_current_span("fold"):
+        _refold(session, pump, archive, cause, from_scratch=from_scratch)
+
+
+def _refold(session: Session, pump: Pump, archive: Archive, cause: Cause, *, from_scratch: bool) -> None:
     session.flush()
     if left_to_newer(session, pump):
         return

@@ -17,7 +17,7 @@ from service.jobs import engine
 from service.monitoring.renewal import Renewal
 from service.notifications.worker import Postman
 from service.registry.deletion import finish_deletions
-from service.registry.operators import expire
+from service.registry.retention import expire_all
 from service.running import opened
 from service.settings import Settings
 from service.web.addresses import API_PREFIX
@@ -55,6 +55,7 @@ from service.web.routes import (
     webhooks,
 )
 from service.web.routes import twin as twin_routes
+from service.web.traces import telemetry
 from service.web.whole_names import WholeNames, whole_names
 
 _DAY_S = 86_400.0
@@ -84,9 +85,13 @@ def create_app(settings: Settings) -> FastAPI:
         postman.stop()
         for thread in (worker, keeper):
             thread.join(timeout=5.0)
+        if tracer is not None:
+            await run_in_threadpool(tracer.shutdown)
         context.close()
 
+    told, tracer = telemetry(settings)
     app = FastAPI(
+        telemetry=told,
         title="casedrain",
         version=__version__,
         summary="Condition monitoring of hydraulic pumps from case and discharge pressure",
@@ -163,11 +168,11 @@ def _process(context: Context, record_ids: Sequence[str]) -> None:
 
 
 def _keep_house(context: Context, stopped: threading.Event) -> None:
-    """End deletions that a crash interrupted, and let raw bytes expire once a day; any number of replicas may."""
+    """End deletions that a crash interrupted, and let what is old expire once a day; any number of replicas may."""
     while True:
         try:
             finish_deletions(context.database, context.raw_store)
-            expire(context.database, context.raw_store, datetime.now(UTC))
+            expire_all(context.database, context.raw_store, datetime.now(UTC))
         except Exception:
             log.exception("deletions or expiry left for the next time")
         if stopped.wait(_DAY_S):

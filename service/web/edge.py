@@ -1,6 +1,7 @@
 """The outermost ring: every request gets an id, a bounded body and a line in log and metrics, every error its answer."""
 
 import asyncio
+import re
 import time
 import uuid
 from contextlib import suppress
@@ -23,6 +24,7 @@ from service.web.admission import READING, body_limit, check_admission, too_larg
 from service.web.dependencies import credential_of
 from service.web.paging import sign_with
 from service.web.problems import ProblemResponse
+from service.web.traces import tell_of
 
 log = structlog.get_logger("casedrain")
 _METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
@@ -33,6 +35,7 @@ _ERRORS = Counter("casedrain_errors_total", "Requests that failed by a mistake o
 _PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
 _GONE = 499
 """Counted where the client went away before its answer began, as proxies do; nobody is sent it."""
+_TRACEPARENT = re.compile("(?!ff)[0-9a-f]{2}-(?P<trace>[0-9a-f]{32})-(?P<span>[0-9a-f]{16})-[0-9a-f]{2}(-.*)?")
 _SLOWEST_BYTES_PER_S = 10_000
 """A body that comes slower than this for longer than a pause may last is given up (our choice)."""
 _HEADERS = {
@@ -64,7 +67,7 @@ class Edge:
         settings = context.settings
         sign_with(context.cursor_key)
         exchange = _Exchange(scope, receive, send, settings)
-        with structlog.contextvars.bound_contextvars(request_id=exchange.request_id), working_for(exchange.account):
+        with structlog.contextvars.bound_contextvars(**exchange.names), working_for(exchange.account):
             try:
                 check_admission(scope, settings)
                 exchange.come(context.crowd)
@@ -117,6 +120,14 @@ class _Exchange:
         self._waited_s = 0.0
         self._whole = False
         self._limit = body_limit(self.path, settings)
+
+    @property
+    def names(self) -> dict[str, str]:
+        """What every line of the log carries: the id, and the caller's trace where it sends one (W3C trace context)."""
+        found = _TRACEPARENT.fullmatch(Headers(scope=self._scope).get("traceparent", ""))
+        if found is None or not int(found["trace"], 16) or not int(found["span"], 16):
+            return {"request_id": self.request_id}
+        return {"request_id": self.request_id, "trace_id": found["trace"], "parent_span_id": found["span"]}
 
     @property
     def started(self) -> bool:
@@ -200,12 +211,24 @@ class _Exchange:
         status = self.status if self.started and not (self.gone and self.status >= 400) else _GONE
         _REQUESTS.labels(method, self.route, status).inc()
         _SECONDS.labels(method, self.route).observe(seconds)
-        log.info("request", method=self.method, path=self.path, status=status, milliseconds=round(1000 * seconds, 1))
+        who, whose = self.account.owner, self.account.operator
+        log.info(
+            "request",
+            method=self.method,
+            path=self.path,
+            route=self.route,
+            status=status,
+            milliseconds=round(1000 * seconds, 1),
+            bytes=self._bytes,
+            principal=who,
+            operator=whose,
+        )
 
     def _begin(self, message: Message) -> None:
         self.status = message["status"]
         if self.status == HTTPStatus.INTERNAL_SERVER_ERROR:
             _ERRORS.labels(self.route).inc(exemplar={"request_id": self.request_id})
+        tell_of(self.request_id, self.account.owner, self.account.operator)
         headers = MutableHeaders(scope=message)
         headers["X-Request-Id"] = self.request_id
         for name, value in _HEADERS.items():

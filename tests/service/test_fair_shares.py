@@ -296,8 +296,8 @@ def test_over_http_bytes_and_the_parser_are_paid_for(database_url: str, tmp_path
 def test_jobs_that_have_not_ended_are_counted(
     database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with guarded_client(database_url, tmp_path, quota_key_jobs=2) as client:
-        monkeypatch.setattr("service.jobs.engine.submit", lambda _job_id: None)
+    with guarded_client(database_url, tmp_path, quota_key_jobs=2) as client, monkeypatch.context() as patch:
+        patch.setattr("service.jobs.engine.submit", lambda _job_id: None)
         asker, other = key(client, "admin", "north", "a"), key(client, "admin", "south", "b")
 
         def asks(headers: dict[str, str], pump: str) -> Any:
