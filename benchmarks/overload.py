@@ -193,11 +193,12 @@ async def _misbehaving(key: str, flights: Flights, per_s: float, seconds: float)
 
 
 @contextmanager
-def _server(url: str, folder: Path, **more: str) -> Iterator[subprocess.Popen[bytes]]:
+def server(url: str, folder: Path, port: int = PORT, **more: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A server on a database, in a process of its own; ``more`` are its further variables."""
     environment = {**os.environ, "CASEDRAIN_AUTH": "on", "CASEDRAIN_DATABASE_URL": url, **more}
     environment["CASEDRAIN_DATA_DIR"] = str(folder / "data")
     with (folder / "log").open("wb") as log:
-        command = [sys.executable, "-m", "service.command_line", "serve", "--port", str(PORT)]
+        command = [sys.executable, "-m", "service.command_line", "serve", "--port", str(port)]
         process = subprocess.Popen(command, env=environment, stdout=log, stderr=log)  # noqa: S603
         try:
             yield process
@@ -261,7 +262,7 @@ def main() -> None:
         upgrade(url)
         with Database(url).writing() as session:
             keys = tuple(new_key(session, f"{o} office", "analyst", o, None)[1] for o in ("north", "south"))
-        with _server(url, folder):
+        with server(url, folder):
             result = asyncio.run(_run((keys[0], keys[1]), seconds, url))
     settings = Settings(_env_file=None)  # type: ignore[call-arg]
     result["seconds"], result["upload_workers"] = seconds, settings.upload_workers

@@ -58,7 +58,7 @@ class Settings(BaseSettings):
     """Room that uploads leave on a disk, or a tenth of a small disk; `/readyz` says no at twice as much."""
     trusted_proxies: str = ""
     """Addresses or networks, with commas, whose `X-Forwarded-For` and `X-Forwarded-Proto` count; by default nobody's."""
-    upload_workers: int = Field(default=3, ge=1, le=64)
+    upload_workers: int = Field(default=2, ge=1, le=64)
     """Uploads that are worked on at the same time; others wait their turn without a thread."""
     max_waiting_uploads: int = Field(default=64, ge=1)
     """Uploads, and files at the parser, that may wait with somebody waiting for the answer; more are answered 503."""

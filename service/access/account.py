@@ -62,6 +62,6 @@ def working_for(account: Account) -> Iterator[Account]:
 def in_background(operator: str | None = None) -> Iterator[Account]:
     """Work that outlasts its request, or of a job: for the operator, or whoever asked, and nobody waits for it."""
     asked = current_account()
-    tenant = operator or asked.tenant
+    tenant = f"operator {operator}" if operator else asked.tenant
     with working_for(Account(tenant=tenant, operator=operator or asked.operator, is_background=True)) as account:
         yield account
