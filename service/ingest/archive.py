@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, cast
 
 import numpy as np
 
@@ -173,7 +173,7 @@ class _Zip(Archive):
         info = zipfile.ZipInfo("member")
         info.compress_type, info.flag_bits, info.CRC = entry["method"], entry["flags"], entry["sum"]
         info.compress_size, info.file_size = entry["packed"], entry["size"]
-        return zipfile.ZipExtFile(self._file, "r", info)
+        return cast("IO[bytes]", zipfile.ZipExtFile(self._file, "r", info))
 
 
 class _Lines(Archive):
