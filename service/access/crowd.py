@@ -15,7 +15,7 @@ _MOST_KNOWN = 10_000
 
 
 class Crowd:
-    """Requests in hand by tenant, quotas, and the turns of uploads. Its methods run on the event loop but for ``learn``."""
+    """Requests in hand by tenant, quotas, and the turns of uploads and reads. Its methods run on the event loop but for ``learn``."""
 
     def __init__(self, settings: Settings, clock: Clock = time.monotonic) -> None:
         self.quotas = Quotas(settings, clock)
@@ -26,6 +26,8 @@ class Crowd:
             "their upload's turn",
             clock,
         )
+        most, patience = settings.max_requests_in_hand, settings.max_wait_seconds
+        self.reads = Gate(settings.read_workers, most, patience, "their read's turn", clock)
         self._most, self._most_each, self._clock = settings.max_requests_in_hand, settings.max_requests_each, clock
         self._known: OrderedDict[str, Account] = OrderedDict()
         self._in_hand: Counter[str] = Counter()

@@ -10,11 +10,11 @@ from http import HTTPStatus
 from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
+from service.access.last_use import note_use
 from service.access.security import LAST_USED_RESOLUTION, Principal, check_key, key_hash
 from service.errors import Forbidden, Problem, Unauthenticated
 from service.settings import Settings
 from service.storage.database import Database
-from service.storage.failures import passing_failures
 from service.storage.tables import ApiKey, FailedSignIn, SignedIn, User
 
 _SESSION_COOKIE = "casedrain_session"
@@ -88,9 +88,8 @@ def find_session(database: Database, token: str, settings: Settings) -> Visitor 
     if principal is None:
         return None
     if now - row.last_used_at > LAST_USED_RESOLUTION:
-        # a full disk must not keep anybody from reading
-        with passing_failures("the time of a session's last use is not noted"), database.writing() as session:
-            session.execute(update(SignedIn).where(SignedIn.id == row.id).values(last_used_at=now))
+        used = update(SignedIn).where(SignedIn.id == row.id).values(last_used_at=now)
+        note_use(database, f"session {row.id}", lambda session: session.execute(used))
     return Visitor(principal, row.id, row.csrf_token)
 
 

@@ -6,6 +6,7 @@ from fastapi import Depends, Request
 from starlette.datastructures import Headers
 
 from service.access.account import current_account
+from service.access.last_use import note_use
 from service.access.scopes import scope_of
 from service.access.security import EVERYBODY, Principal, principal_of, touch_key
 from service.access.sessions import Visitor, find_session, session_cookie
@@ -13,7 +14,6 @@ from service.context import Context
 from service.errors import Unauthenticated
 from service.settings import is_loopback
 from service.storage.database import Database
-from service.storage.failures import passing_failures
 from service.web.addresses import API_PREFIX
 from service.web.admission import READING
 
@@ -95,9 +95,7 @@ def known_principal(database: Database, key: str) -> Principal:
     with database.reading() as session:
         found, stale = principal_of(session, key)
     if stale:
-        # a full disk must not keep anybody from reading
-        with passing_failures("the time of a key's last use is not noted"), database.writing() as session:
-            touch_key(session, key)
+        note_use(database, f"key {found.key}", lambda session: touch_key(session, key))
     return found
 
 

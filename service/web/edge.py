@@ -4,7 +4,8 @@ import asyncio
 import re
 import time
 import uuid
-from contextlib import suppress
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import fields
 from http import HTTPStatus
 
@@ -16,6 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.access.account import Account, working_for
 from service.access.crowd import Crowd
+from service.access.turns import TooMany
 from service.context import Context
 from service.errors import Problem, TooSlow
 from service.settings import Settings
@@ -49,6 +51,16 @@ _HEADERS = {
 _HSTS = "max-age=31536000"
 
 
+_LATE_S, _MOST_LATE = 0.25, 200
+"""How long an answer of 429 is held back [s], and how many at once (our choice)."""
+
+
+class _Late:
+    """Answers that are held back now."""
+
+    n = 0
+
+
 class _EnoughError(Exception):
     """HEAD has its headers: nothing more is written."""
 
@@ -73,7 +85,10 @@ class Edge:
                 exchange.come(context.crowd)
                 if scope["method"] == "HEAD":
                     scope["method"] = "GET"
-                await self._app(scope, exchange.receive, exchange.send)
+                async with exchange.turn(context.crowd):
+                    await self._app(scope, exchange.receive, exchange.send)
+            except TooMany as refused:
+                await exchange.answer_late(refused)
             except (_EnoughError, ClientDisconnect):
                 pass
             except Exception as error:
@@ -114,6 +129,7 @@ class _Exchange:
         self.refusal: Problem | None = None
         self.account = Account()
         self._entered_as: str | None = None
+        self._turn = AsyncExitStack()
         self._scope, self._receive, self._send, self._settings = scope, receive, send, settings
         self._started_at = time.perf_counter()
         self._bytes = 0
@@ -159,6 +175,32 @@ class _Exchange:
         self._entered_as = known.tenant
         crowd.enter(known.tenant)
 
+    @asynccontextmanager
+    async def turn(self, crowd: Crowd) -> AsyncIterator[None]:
+        """What a read waits for before it costs a thread; it ends where the answer begins, however slowly that is taken.
+
+        Raises
+        ------
+        TooMany, Unavailable
+            with ``Retry-After``, on entering.
+        """
+        async with self._turn:
+            if self.method in READING and self._entered_as is not None:
+                await self._turn.enter_async_context(crowd.reads.entered_by_task(self.account))
+            yield
+
+    async def answer_late(self, refused: Problem) -> None:
+        """Refuse somebody who asks for too much, and not at once: who does not wait by themselves is made to."""
+        if self.started:
+            raise refused
+        if _Late.n < _MOST_LATE:
+            _Late.n += 1
+            try:
+                await asyncio.sleep(_LATE_S)
+            finally:
+                _Late.n -= 1
+        await self.answer(refused)
+
     async def receive(self) -> Message:
         """Next part of the body, within the bounds of size and time."""
         if self._whole:
@@ -186,6 +228,7 @@ class _Exchange:
         if message["type"] == "http.response.start":
             if self.refusal is not None:
                 raise self.refusal
+            await self._turn.aclose()
             self._begin(message)
         elif message["type"] == "http.response.body" and self.method == "HEAD":
             await self._send({"type": "http.response.body", "body": b"", "more_body": False})

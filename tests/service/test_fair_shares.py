@@ -9,11 +9,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from fastapi.testclient import TestClient
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from starlette.responses import Response
 
 from service.access.account import Account, current_account, in_background, working_for
 from service.access.crowd import Crowd
@@ -330,3 +332,29 @@ def test_uploads_beyond_the_queue_are_refused_before_their_bytes(client: TestCli
     )
     assert stored.status_code == 202
     assert client.get(f"{API}/records/{stored.json()['record_id']}").json()["status"] == "analysed"
+
+
+def test_an_answer_that_is_taken_slowly_holds_no_place(client: TestClient) -> None:
+    """A place of the reads is given back where the answer begins; a queue that is full is answered, not waited for."""
+    context = client.app.state.context  # type: ignore[attr-defined]
+    reads, seen = context.crowd.reads, []
+    start = Response.__call__
+
+    async def slowly(self: Response, scope: Any, receive: Any, send: Any) -> None:
+        async def look(message: Any) -> None:
+            await send(message)
+            seen.append((message["type"], reads._free))
+
+        await start(self, scope, receive, look)
+
+    with mock.patch.object(Response, "__call__", slowly):
+        assert client.get(f"{API}/pumps").status_code == 200
+    assert seen == [("http.response.start", reads._places), ("http.response.body", reads._places)]
+    reads._free, reads._most_waiting = 0, 0
+    refused = client.get(f"{API}/pumps")
+    assert refused.status_code in (429, 503)
+    assert refused.headers["retry-after"]
+    assert client.get("/readyz").status_code == 200
+    reads._free, reads._most_waiting = 4, 64
+    assert client.head(f"{API}/pumps").status_code == 200
+    assert reads._free == 4

@@ -104,6 +104,7 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("DELETE", "/records/{record_id}"): (409, 503),
     ("POST", "/pumps"): (409,),
     ("POST", "/aircraft"): (409,),
+    ("POST", "/circuits"): (409,),
     ("POST", "/pump-types"): (400, 409, 413, 415),
     ("PATCH", "/pumps/{serial}"): (503,),
     ("PATCH", "/aircraft/{name}"): (503,),
