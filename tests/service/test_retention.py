@@ -95,7 +95,8 @@ def test_bytes_that_somebody_else_needs_stay(database_url: str, tmp_path: Path) 
     with guarded_client(database_url, tmp_path) as client:
         context = client.app.state.context  # type: ignore[attr-defined]
         asker = {**filled(client, "north"), "content-type": "application/json"}
-        assert client.post(f"{API}/records", content=body(), headers=asker).status_code == 201
+        content = body({**document(), "flight_id": "F9"})
+        assert client.post(f"{API}/records", content=content, headers=asker).status_code == 201
         client.patch(f"{API}/operators/north", json={"job_days": 1}, headers=asker)
         expire_jobs(context.database, context.raw_store, datetime.now(UTC) + timedelta(days=2))
         for record in client.get(f"{API}/records", headers=asker).json()["items"]:

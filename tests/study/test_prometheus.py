@@ -98,7 +98,7 @@ def until(condition: Callable[[], bool]) -> None:
         try:
             if condition():
                 return
-        except httpx2.HTTPError:
+        except (httpx2.HTTPError, ValueError):  # it says in words that it is not ready
             pass
         time.sleep(0.3)
     raise AssertionError("Prometheus has scraped nothing")
