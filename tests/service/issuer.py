@@ -7,6 +7,7 @@ import json
 import secrets
 import threading
 import time
+from functools import lru_cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -17,11 +18,16 @@ from joserfc.jwk import RSAKey
 CLIENT_ID, CLIENT_SECRET = "casedrain", "a secret of the two"
 
 
+@lru_cache(maxsize=1)
+def _key() -> RSAKey:
+    return RSAKey.generate_key(2048, {"kid": "k1"}, auto_kid=False)
+
+
 class FakeIssuer:
     """Answers discovery, keys and tokens over HTTP; ``allow`` is the person at the browser who says yes."""
 
     def __init__(self) -> None:
-        self.key = RSAKey.generate_key(2048, {"kid": "k1"}, auto_kid=False)
+        self.key = _key()
         self.signs_with: Any = self.key
         self.signs_as_the_public_key = False
         """The old trick: the public key, which everybody knows, as a shared secret."""

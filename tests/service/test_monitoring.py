@@ -5,7 +5,7 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +104,7 @@ def test_every_line_says_who_asked_and_in_whose_trace(database_url: str, tmp_pat
 
 
 def test_a_request_is_a_span_with_parsing_and_folding_below(
-    database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    new_database: Callable[[str], str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = InMemorySpanExporter()
     provider = TracerProvider()
@@ -114,7 +114,7 @@ def test_a_request_is_a_span_with_parsing_and_folding_below(
     monkeypatch.setattr(traces, "_provider", lambda _settings: provider)
     for tracer in ("service.ingest.parser_pool._tracer", "service.monitoring.refold._tracer"):
         monkeypatch.setattr(tracer, provider.get_tracer("casedrain"))
-    settings = Settings(database_url=database_url, data_dir=tmp_path / "data", auth="off", traces="otlp")
+    settings = Settings(database_url=new_database("sqlite"), data_dir=tmp_path / "data", auth="off", traces="otlp")
     with TestClient(create_app(settings), base_url="http://localhost") as client:
         headers = {**JSON, "traceparent": f"00-{TRACE}-{SPAN}-01"}
         answer = client.post(f"{API}/records", content=body(), headers=headers)

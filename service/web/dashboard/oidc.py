@@ -19,7 +19,6 @@ _COOKIE = "casedrain_oidc"
 _PATH = "/sign-in/oidc"
 _LONGEST_FIELD = 2000
 _Given = Annotated[str, Query(max_length=_LONGEST_FIELD)]
-_WHO = "(oidc)"
 
 
 @oidc_router.get(_PATH)
@@ -57,10 +56,11 @@ def come_back(
     if context.issuer is None:
         raise NotFound(NOTHING_HERE)
     address = request.client.host if request.client else "unknown"
-    wanted = "/"
+    # by address: whoever fails on purpose must keep nobody else out
+    who, wanted = f"(oidc) {address}", "/"
     try:
         with context.database.writing() as session:
-            check_pace(session, _WHO, address)
+            check_pace(session, who, address)
             pending = taken_pending(session, state, request.cookies.get(_cookie(request), ""))
         if pending is None:
             raise Unauthenticated("this sign-in did not begin here, is too old or was used already: begin again")
@@ -75,10 +75,10 @@ def come_back(
     except Problem as problem:
         if isinstance(problem, Unauthenticated):
             with context.database.writing() as session:
-                note_failure(session, _WHO, address)
+                note_failure(session, who, address)
         response = asked_again(request, int(problem.status), _sentence(problem), wanted, problem.headers)
     else:
-        response = signed_in(request, user, wanted, _WHO, address)
+        response = signed_in(request, user, wanted, who, address)
     response.delete_cookie(_cookie(request), secure=is_secure(request), httponly=True)
     return response
 

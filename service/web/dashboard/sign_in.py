@@ -54,7 +54,7 @@ def sign_in(
     if not held or not secrets.compare_digest(held.encode(), csrf_token.encode()):
         return asked_again(request, 403, "The form has expired. Please try again.", wanted)
     address = request.client.host if request.client else "unknown"
-    who = name or "(key)"
+    who = name or f"(key) {address}"  # whoever fails on purpose must keep nobody else out
     try:
         with context.database.reading() as session:
             check_pace(session, who, address)
