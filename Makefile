@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 IMAGES ?=
 
-.PHONY: help demo test test-fast study lint format types imports migrations hooks containers pages serve mutants clean tools
+.PHONY: help demo test test-fast study lint format types imports migrations hooks containers pages supply serve mutants clean tools
 
 help: ## show what there is
 	@grep -E '^[a-z-]+:.*## ' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -76,6 +76,17 @@ pages: $(VENV)/.pages ## look at every page in Chromium: tasks, accessibility, w
 	@"$(BIN)/python" -m detectors.warm_up
 	@CASEDRAIN_IMAGES="$(IMAGES)" "$(BIN)/python" -m pytest -p no:xdist -m pages tests/pages $(PYTEST_ARGS)
 
+# in an environment of their own: what lists the packages is none of them
+.venv-supply/.installed: pyproject.toml | tools
+	@python3 -m venv .venv-supply
+	@.venv-supply/bin/python -m pip install --quiet --disable-pip-version-check \
+	  $$(python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['supply'])")
+	@touch "$@"
+
+supply: $(VENV)/.installed .venv-supply/.installed ## bill of materials (build/sbom.json) and audit of the dependencies; 3: nobody could be asked
+	@.venv-supply/bin/python tests/supply_chain.py sbom build/sbom.json "$(BIN)/python"
+	@.venv-supply/bin/python tests/supply_chain.py audit "$$("$(BIN)/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')"
+
 mutants: $(VENV)/.installed ## change a line at a time and see whether tests notice (half an hour)
 	@"$(BIN)/python" -m benchmarks.mutants $(MUTANTS_ARGS)
 
@@ -83,4 +94,4 @@ serve: $(VENV)/.installed ## serve API and pages on this machine
 	@"$(BIN)/casedrain" serve
 
 clean: ## remove the virtual environment and what tools left behind
-	rm -rf "$(VENV)" .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist
+	rm -rf "$(VENV)" .venv-supply .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist

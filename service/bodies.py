@@ -1,8 +1,9 @@
 """What bodies of requests have in common; text that every database can hold."""
 
-from typing import Annotated, Any
+from functools import lru_cache
+from typing import Annotated, Any, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo, field_validator
 
 from twin.pumps.fluids import FLUIDS
 
@@ -35,7 +36,40 @@ FluidName = Annotated[str, AfterValidator(known_fluid)]
 """Product name of a fluid that the twin has properties of; another is refused with the list of those."""
 
 
-class Body(BaseModel):
+class Numbers(BaseModel):
+    """A body whose numbers are numbers: what reads JSON would take ``false`` for 0 and ``true`` for 1."""
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _is_no_truth(cls, value: Any, info: ValidationInfo) -> Any:
+        if _is_numeric(cls, info.field_name or "") and _holds_truth(value):
+            raise ValueError("holds true or false where a number belongs")
+        return value
+
+
+@lru_cache(maxsize=1000)
+def _is_numeric(body: type[BaseModel], field: str) -> bool:
+    """Whether a field takes numbers, alone or in lists and by name, and no truth value."""
+    kinds, waiting = set(), [body.model_fields[field].annotation] if field in body.model_fields else []
+    while waiting:
+        one = waiting.pop()
+        parts = get_args(one)
+        waiting += parts
+        if not parts:
+            kinds.add(one)
+    return bool(kinds & {int, float}) and bool not in kinds
+
+
+def _holds_truth(value: Any) -> bool:
+    """Whether it is a truth value, or holds one in lists, or under a name; bodies within bodies look for themselves."""
+    if isinstance(value, list | tuple):
+        return any(map(_holds_truth, value))
+    if isinstance(value, dict):
+        return any(isinstance(v, bool) for v in value.values())
+    return isinstance(value, bool)
+
+
+class Body(Numbers):
     """A request body: unknown fields, numbers that are none, and text that cannot be stored are refused by name."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)

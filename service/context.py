@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from service.access.crowd import Crowd
+from service.access.oidc import Issuer
 from service.history.archive import Archive
 from service.ingest.parser_pool import ParserPool
 from service.ingest.raw import Limits
@@ -14,13 +16,18 @@ from service.storage.spool import Spool
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """Parts of a running service, made once at its start; ``cursor_key`` signs the cursors of lists."""
+    """Parts of a running service, made once at its start; ``cursor_key`` signs the cursors of lists.
+
+    ``crowd`` holds who is being served and what each may ask; ``issuer`` signs people in beside passwords.
+    """
 
     settings: Settings
     database: Database
     archive: Archive
     acceptance: Acceptance
     cursor_key: bytes
+    crowd: Crowd
+    issuer: Issuer | None = None
 
     @property
     def raw_store(self) -> RawStore:

@@ -1,6 +1,8 @@
 """A service put together from its settings: database, raw store, parser, acceptance."""
 
+from service.access.crowd import Crowd
 from service.access.installation import cursor_key
+from service.access.oidc import Issuer
 from service.context import Context
 from service.history.archive import Archive
 from service.ingest.parser_pool import ParserLimits, ParserPool
@@ -55,6 +57,14 @@ def opened(settings: Settings) -> Context:
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
     spool = Spool(settings.effective_spool_dir, settings.min_free_bytes)
     parser_limits = ParserLimits(settings.max_parse_seconds, settings.max_parse_memory_bytes)
-    parser = ParserPool(spool.folder, parser_limits, settings.parse_workers)
+    waiting = settings.max_waiting_uploads, settings.max_parse_seconds
+    parser = ParserPool(spool.folder, parser_limits, settings.parse_workers, *waiting)
     archive = Archive(raw_store, spool, parser, limits)
-    return Context(settings, database, archive, Acceptance(database, archive), cursor_key(database))
+    acceptance = Acceptance(database, archive)
+    return Context(settings, database, archive, acceptance, cursor_key(database), Crowd(settings), _issuer(settings))
+
+
+def _issuer(settings: Settings) -> Issuer | None:
+    if not settings.oidc_issuer:
+        return None
+    return Issuer(settings.oidc_issuer, settings.oidc_client_id, settings.oidc_client_secret.get_secret_value())

@@ -5,8 +5,9 @@ import socket
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
+from urllib.parse import urlsplit
 
-from pydantic import Field, SecretStr, field_validator
+from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError
@@ -29,6 +30,12 @@ class Settings(BaseSettings):
     session_idle_minutes: float = Field(default=120.0, gt=0.0, le=43_200.0)
     webhook_allowed_hosts: str = ""
     public_url: str = ""
+    oidc_issuer: str = ""
+    """Address of the OpenID provider that signs people in beside passwords; empty: nobody does."""
+    oidc_client_id: str = ""
+    oidc_client_secret: SecretStr = SecretStr("")
+    oidc_name: str = "your organisation"
+    """What the sign-in page calls it."""
     smtp_host: str = ""
     smtp_port: int = Field(default=587, ge=1, le=65535)
     smtp_security: Literal["starttls", "none"] = "starttls"
@@ -51,6 +58,30 @@ class Settings(BaseSettings):
     """Room that uploads leave on a disk, or a tenth of a small disk; `/readyz` says no at twice as much."""
     trusted_proxies: str = ""
     """Addresses or networks, with commas, whose `X-Forwarded-For` and `X-Forwarded-Proto` count; by default nobody's."""
+    upload_workers: int = Field(default=2, ge=1, le=64)
+    """Uploads that are worked on at the same time; others wait their turn without a thread."""
+    read_workers: int = Field(default=8, ge=1, le=64)
+    """Reads that are worked on at the same time, tenants in turn; more would only share one interpreter."""
+    max_waiting_uploads: int = Field(default=64, ge=1)
+    """Uploads, and files at the parser, that may wait with somebody waiting for the answer; more are answered 503."""
+    max_wait_seconds: float = Field(default=20.0, gt=0.0, le=600.0)
+    """Longest wait of an upload for its turn."""
+    max_requests_in_hand: int = Field(default=256, ge=1)
+    """Requests that are being answered at the same time; more are answered 503."""
+    max_requests_each: int = Field(default=16, ge=1)
+    """Of these, how many one operator, key or address may have while others come too; more are answered 429."""
+    quota_key_requests_per_minute: float = Field(default=3000.0, ge=0.0)
+    """Quotas are of each process, 0 is none; what is beyond them is answered 429. Nobody has any where `auth` is off."""
+    quota_operator_requests_per_minute: float = Field(default=6000.0, ge=0.0)
+    quota_key_bytes_per_hour: float = Field(default=32 * 2.0**30, ge=0.0)
+    quota_operator_bytes_per_hour: float = Field(default=64 * 2.0**30, ge=0.0)
+    quota_key_parser_seconds_per_hour: float = Field(default=3600.0, ge=0.0)
+    quota_operator_parser_seconds_per_hour: float = Field(default=3600.0, ge=0.0)
+    quota_key_jobs: int = Field(default=20, ge=0)
+    """Jobs that have not ended, counted in the database over all processes."""
+    quota_operator_jobs: int = Field(default=50, ge=0)
+    traces: Literal["off", "otlp"] = "off"
+    """Send traces by OTLP over HTTP, to where OpenTelemetry's own variables (`OTEL_EXPORTER_OTLP_ENDPOINT` …) say."""
     job_concurrency: int = Field(default=1, ge=1, le=64)
     worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
     """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""
@@ -72,6 +103,18 @@ class Settings(BaseSettings):
         if kind not in ("sqlite", "postgresql"):
             raise ValueError(f"{kind} is not supported: sqlite and postgresql are")
         return url
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> "Settings":
+        if bool(self.oidc_issuer) != bool(self.oidc_client_id):
+            raise ValueError("CASEDRAIN_OIDC_ISSUER and CASEDRAIN_OIDC_CLIENT_ID go together")
+        if self.oidc_issuer and not self.oidc_issuer.startswith("https://") and not self._is_local_issuer():
+            raise ValueError("CASEDRAIN_OIDC_ISSUER must be an https:// address, but on this machine")
+        return self
+
+    def _is_local_issuer(self) -> bool:
+        parts = urlsplit(self.oidc_issuer)
+        return parts.scheme == "http" and is_loopback(parts.hostname or "")
 
     @field_validator("trusted_proxies")
     @classmethod

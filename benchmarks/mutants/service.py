@@ -17,6 +17,12 @@ _PAGES, _FORMS, _FLEET_PAGE, _CHANNELS = (
     ("tests.service.test_record_pages",),
 )
 _CHAIN, _BACKUP = ("tests.service.test_audit_chain",), ("tests.service.test_backup",)
+_SHARES, _WORDS = ("tests.service.test_fair_shares",), ("tests.service.test_words_of_files",)
+_SCOPES, _OIDC, _RETENTION = (
+    ("tests.service.test_scopes",),
+    ("tests.service.test_oidc",),
+    ("tests.service.test_retention",),
+)
 _LIFE_CYCLE, _LAYERS_OF = "service.alarms.life_cycle", "service.thresholds.layers"
 
 
@@ -97,7 +103,7 @@ MUTANTS: tuple[Mutant, ...] = (
     _access(
         "service.access.sessions", "if count >= _MOST_FAILURES[what]:", "if count > _MOST_FAILURES[what]:", _SIGN_IN
     ),
-    _access("service.access.sessions", "user.disabled_at is None", "True", _SIGN_IN),
+    _access("service.access.sessions", "user is None or user.disabled_at is not None", "user is None", _SIGN_IN),
     _access(
         "service.reading.queries",
         "if row is None or principal.operator not in (None, row.operator):",
@@ -160,4 +166,17 @@ MUTANTS: tuple[Mutant, ...] = (
     _backup("backup", "if any(digest not in still for digest in gaps):", "if False:"),
     _backup("check", "now - written_at < IN_FLIGHT_S", "now - written_at < 1e12"),
     _backup("restore", "if used and not force:", "if False:"),
+    Mutant("shares", "service.access.turns", "if self._free == 1 and self._places > 1:", "if False:", _SHARES, "Turns"),
+    Mutant(
+        "shares", "service.access.turns", "key=lambda t: (t.held, t.used(now))", "key=lambda t: 0", _SHARES, "Turns"
+    ),
+    Mutant("shares", "service.access.quotas", "if account.operator is None else", "if True else", _SHARES, "Quotas"),
+    Mutant("shares", "service.ingest.bounds", "if size > limits.metadata_bytes:", "if False:", _WORDS, "format"),
+    _access("service.access.scopes", "if room in _ADMINISTRATION:", "if False:", _SCOPES, "one_scope"),
+    _access("service.access.scopes", "if held is None:", "if True:", _SCOPES, "gives_away and sqlite"),
+    _access("service.access.pending", "session.delete(row)", "str(row)", _OIDC, "counts_once and sqlite"),
+    _access("service.access.oidc", '{"nonce": nonce, "client_id"', '{"client_id"', _OIDC, "somebody_else and sqlite"),
+    _access(
+        "service.registry.retention", "OperatorSettings.legal_hold.is_(False)", "True", _RETENTION, "hold and sqlite"
+    ),
 )

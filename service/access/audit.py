@@ -11,9 +11,9 @@ from service.access.security import Principal
 from service.storage.audit_chain import NOTED, new_salt
 from service.storage.tables import AuditEntry, AuditLink
 
-DELETION = "operator.delete"
+DELETION, EXPIRY = "operator.delete", "audit.expire"
 ERASED = "erased"
-"""Detail of a deletion's entry: spans of positions whose entries it erased."""
+"""Detail of an entry of a deletion or an expiry: spans of positions whose entries it erased."""
 _BATCH = 500
 
 
@@ -52,13 +52,18 @@ def note(
     session.info.setdefault(NOTED, []).append(entry)
 
 
-def erase(session: Session, operator: str) -> list[list[int]]:
+def erase(session: Session, operator: str, before: datetime | None = None) -> list[list[int]]:
     """Erase an operator's entries with their salts: first and last positions of the links that stay behind.
+
+    With ``before`` only those that are older.
 
     An entry that says so, in its ``details`` under ``erased``, is what the proof of the log accepts for them.
     """
-    gone = delete(AuditEntry).where(AuditEntry.operator == operator).returning(AuditEntry.id)
-    ids = sorted(session.scalars(gone))
+    gone = delete(AuditEntry).where(AuditEntry.operator == operator)
+    if before is not None:
+        # what an older release wrote beside the chain has no link that could stand for it
+        gone = gone.where(AuditEntry.at < before, exists().where(AuditLink.entry_id == AuditEntry.id))
+    ids = sorted(session.scalars(gone.returning(AuditEntry.id)))
     spans: list[list[int]] = []
     for start in range(0, len(ids), _BATCH):
         found = select(AuditLink.position).where(AuditLink.entry_id.in_(ids[start : start + _BATCH]))

@@ -12,7 +12,7 @@ from typing import Any
 from sqlalchemy import exists, select
 from sqlalchemy.orm import Session
 
-from service.access.audit import DELETION, ERASED
+from service.access.audit import DELETION, ERASED, EXPIRY
 from service.storage.audit_anchor import Anchor
 from service.storage.audit_chain import HEAD_ID, Head, content_hash, content_of, first_link, head_of, link_hash
 from service.storage.database import Database
@@ -167,7 +167,7 @@ class _Walk:
             self.gone.append(position)
         elif content_hash(line["salt"] or "", content) != line["content_hash"]:
             self.findings.add(f"entry {line['entry_id']} (link {position}) was changed")
-        elif content["action"] == DELETION:
+        elif content["action"] in (DELETION, EXPIRY):
             self.receipts += [(int(a), int(b)) for a, b in content["details"].get(ERASED, ())]
 
     def end(self, public_key: str | None) -> None:
@@ -180,7 +180,9 @@ class _Walk:
             if nearest >= 0 and position <= spans[nearest][1]:
                 findings.erased += 1
             else:
-                findings.add(f"the entry of link {position} was removed, and no deletion of an operator says so")
+                findings.add(
+                    f"the entry of link {position} was removed, and neither a deletion of an operator nor its retention says so"
+                )
         if self.position != head.count:
             findings.add(
                 f"the head counts {head.count} links and the log ends at {self.position}: its end was cut or added to"

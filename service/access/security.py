@@ -3,13 +3,16 @@
 import hashlib
 import secrets
 import uuid
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Literal, get_args
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.access import scopes
+from service.access.scopes import SCOPES
 from service.errors import Forbidden, Unauthenticated
 from service.storage.tables import ApiKey
 
@@ -24,11 +27,16 @@ LAST_USED_RESOLUTION = timedelta(minutes=1)
 
 @dataclass(frozen=True, slots=True)
 class Principal:
-    """The one who asks. ``operator`` None sees every operator."""
+    """The one who asks. ``operator`` None sees every operator; ``key`` is the id of the key or user that came along.
+
+    ``scopes`` None: whatever the role may.
+    """
 
     owner: str
     role: str
     operator: str | None
+    key: str = field(default="", compare=False)
+    scopes: frozenset[str] | None = None
 
     def may(self, role: str) -> bool:
         """True with this role or a higher one."""
@@ -38,6 +46,12 @@ class Principal:
         """Raise ``Forbidden`` unless this role or a higher one is held."""
         if not self.may(role):
             raise Forbidden(f"this needs the role {role}; {self.owner} is {self.role}")
+
+    def require_scope(self, scope: str) -> None:
+        """Raise ``Forbidden`` when the key is for other things."""
+        if self.scopes is not None and scope not in self.scopes:
+            held = ", ".join(s for s in SCOPES if s in self.scopes)
+            raise Forbidden(f"this needs a key with the scope {scope}; that of {self.owner} has {held}")
 
     def operator_of(self, wanted: str | None) -> str:
         """Operator to work for: the key's own, else the wanted, else the default.
@@ -64,23 +78,32 @@ def key_hash(key: str) -> str:
 
 
 def new_key(
-    session: Session, owner: str, role: str, operator: str | None, expires_at: datetime | None
+    session: Session,
+    owner: str,
+    role: str,
+    operator: str | None,
+    expires_at: datetime | None,
+    for_scopes: Collection[str] | None = None,
 ) -> tuple[ApiKey, str]:
     """Make a key: its row and the key itself, which is shown this once.
 
     Raises
     ------
     ValueError
-        when the role does not exist.
+        when the role or a scope does not exist, or there is none where some are asked for.
     """
     if role not in ROLES:
         raise ValueError(f"no role {role!r}; roles: {', '.join(ROLES)}")
+    unknown = [s for s in for_scopes or () if s not in SCOPES]
+    if unknown or (for_scopes is not None and not for_scopes):
+        raise ValueError(f"no scope {', '.join(unknown) or 'at all'}; scopes: {', '.join(SCOPES)}")
     key = _PREFIX + secrets.token_urlsafe(32)
     row = ApiKey(
         id=uuid.uuid4().hex,
         owner=owner,
         role=role,
         operator=operator,
+        scopes=scopes.stored(for_scopes),
         key_hash=key_hash(key),
         created_at=datetime.now(UTC),
         expires_at=expires_at,
@@ -107,7 +130,7 @@ def principal_of(session: Session, key: str) -> tuple[Principal, bool]:
         raise Unauthenticated("no such key", headers={"WWW-Authenticate": "Bearer"})
     check_key(row, now)
     stale = row.last_used_at is None or now - row.last_used_at > LAST_USED_RESOLUTION
-    return Principal(row.owner, row.role, row.operator), stale
+    return Principal(row.owner, row.role, row.operator, row.id, scopes.read(row.scopes)), stale
 
 
 def check_key(row: ApiKey, now: datetime) -> None:

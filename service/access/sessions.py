@@ -10,11 +10,11 @@ from http import HTTPStatus
 from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
+from service.access.last_use import note_use
 from service.access.security import LAST_USED_RESOLUTION, Principal, check_key, key_hash
 from service.errors import Forbidden, Problem, Unauthenticated
 from service.settings import Settings
 from service.storage.database import Database
-from service.storage.failures import passing_failures
 from service.storage.tables import ApiKey, FailedSignIn, SignedIn, User
 
 _SESSION_COOKIE = "casedrain_session"
@@ -88,9 +88,8 @@ def find_session(database: Database, token: str, settings: Settings) -> Visitor 
     if principal is None:
         return None
     if now - row.last_used_at > LAST_USED_RESOLUTION:
-        # a full disk must not keep anybody from reading
-        with passing_failures("the time of a session's last use is not noted"), database.writing() as session:
-            session.execute(update(SignedIn).where(SignedIn.id == row.id).values(last_used_at=now))
+        used = update(SignedIn).where(SignedIn.id == row.id).values(last_used_at=now)
+        note_use(database, f"session {row.id}", lambda session: session.execute(used))
     return Visitor(principal, row.id, row.csrf_token)
 
 
@@ -147,24 +146,26 @@ def forget_failures(session: Session, name: str, address: str) -> None:
 
 
 def key_of(session: Session, key: str) -> ApiKey | None:
-    """The living key of that text; None without one."""
+    """The living key of that text; None without one, and for a key with scopes: the pages are for all that a role may."""
     row = session.scalar(select(ApiKey).where(ApiKey.key_hash == key_hash(key)))
     try:
         if row is not None:
             check_key(row, datetime.now(UTC))
     except Unauthenticated:
         return None
-    return row
+    return None if row is None or row.scopes is not None else row
 
 
 def _principal(session: Session, row: SignedIn, now: datetime) -> Principal | None:
     if row.user_id is not None:
         user = session.get(User, row.user_id)
-        return Principal(user.name, user.role, user.operator) if user is not None and user.disabled_at is None else None
+        if user is None or user.disabled_at is not None:
+            return None
+        return Principal(user.name, user.role, user.operator, user.id)
     key = session.get(ApiKey, row.key_id) if row.key_id is not None else None
     if key is None or key.revoked_at is not None or (key.expires_at is not None and key.expires_at <= now):
         return None
-    return Principal(key.owner, key.role, key.operator)
+    return Principal(key.owner, key.role, key.operator, key.id)
 
 
 def _hash(text: str) -> str:

@@ -116,6 +116,23 @@ def set_password(row: User, password: str) -> None:
     row.password_hash = _hasher.hash(password)
 
 
+def link(session: Session, row: User, subject: str | None) -> None:
+    """Link a user to an account at the issuer that signs people in; None unlinks.
+
+    Raises
+    ------
+    Invalid, Conflict
+        when it is no text, or another user's.
+    """
+    if subject is not None and not is_storable(subject):
+        raise Invalid("1 fault(s)", [Fault("oidc_subject", "holds characters that are none")])
+    row.oidc_subject = subject
+    try:
+        session.flush()
+    except IntegrityError:
+        raise Conflict("that account is linked to another user") from None
+
+
 def password_faults(password: str) -> list[Fault]:
     """What is wrong with a new password; its length is judged, and that all of it is text."""
     if not is_storable(password):

@@ -19,6 +19,8 @@ class Key(TypedDict):
     """`viewer`, `analyst`, `engineer` or `admin`."""
     operator: str | None
     """Operator that it sees; null for all."""
+    scopes: list[str] | None
+    """Of `read`, `upload`, `maintain` and `admin`, what it is for; null for all that its role may."""
     created_at: Instant
     """When it was made."""
     expires_at: Instant | None
@@ -57,6 +59,8 @@ class User(TypedDict):
     """Since when the user may not sign in."""
     last_signed_in_at: Instant | None
     """When the user last signed in."""
+    oidc_subject: str | None
+    """Who this is to the provider that signs people in beside passwords; null for nobody."""
 
 
 @shape
@@ -133,6 +137,12 @@ class Operator(TypedDict):
     """Number of its records (a count)."""
     retention_days: int | None
     """How long its raw bytes are kept [d]; null: for good."""
+    job_days: int | None
+    """How long its jobs are kept after they ended, with archives and documents [d]; null: for good."""
+    audit_days: int | None
+    """How long its audit entries are kept [d]; null: for good."""
+    legal_hold: bool
+    """Whether nothing of it goes, whatever its age, nor can be deleted."""
 
 
 @shape

@@ -1,7 +1,7 @@
 """The asynchronous client."""
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Mapping, Sequence
 from datetime import datetime
 from types import TracebackType
 from typing import Any, Self
@@ -248,9 +248,11 @@ class AsyncClient:
         """Keys that an admin may manage."""
         return self.items(calls.keys())
 
-    async def make_key(self, owner: str, role: str, operator: str | None = None) -> KeyMade:
-        """Make a key; it is in this answer and nowhere else."""
-        return await self.answer(calls.make_key(owner, role, operator))
+    async def make_key(
+        self, owner: str, role: str, operator: str | None = None, scopes: Sequence[str] | None = None
+    ) -> KeyMade:
+        """Make a key, with ``scopes`` for these only; it is in this answer and nowhere else."""
+        return await self.answer(calls.make_key(owner, role, operator, scopes))
 
     def operators(self) -> AsyncIterator[Operator]:
         """Operators that an admin may manage."""

@@ -1,6 +1,6 @@
 """The core of both clients: every call as a request with the shape of its answer; nothing here waits or connects."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Generic, TypeVar
@@ -281,9 +281,11 @@ def keys() -> PagedCall[Key]:
     return PagedCall("/keys")
 
 
-def make_key(owner: str, role: str, operator: str | None) -> Call[KeyMade]:
-    """Make a key."""
-    wanted = {"owner": owner, "role": role, **({"operator": operator} if operator else {})}
+def make_key(owner: str, role: str, operator: str | None, scopes: Sequence[str] | None = None) -> Call[KeyMade]:
+    """Make a key; with ``scopes`` for these only."""
+    wanted: dict[str, object] = {"owner": owner, "role": role, **({"operator": operator} if operator else {})}
+    if scopes is not None:
+        wanted["scopes"] = list(scopes)
     return Call("POST", "/keys", {"json": wanted})
 
 

@@ -1,7 +1,7 @@
 """The synchronous client."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from types import TracebackType
 from typing import Any, Self
@@ -263,9 +263,11 @@ class Client:
         """Keys that an admin may manage."""
         return self.items(calls.keys())
 
-    def make_key(self, owner: str, role: str, operator: str | None = None) -> KeyMade:
-        """Make a key; it is in this answer and nowhere else."""
-        return self.answer(calls.make_key(owner, role, operator))
+    def make_key(
+        self, owner: str, role: str, operator: str | None = None, scopes: Sequence[str] | None = None
+    ) -> KeyMade:
+        """Make a key, with ``scopes`` for these only; it is in this answer and nowhere else."""
+        return self.answer(calls.make_key(owner, role, operator, scopes))
 
     def operators(self) -> Iterator[Operator]:
         """Operators that an admin may manage."""

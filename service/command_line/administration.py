@@ -20,15 +20,20 @@ def create_key(
     operator: Annotated[str | None, typer.Option(help="Bind the key to one operator")] = None,
     owner: Annotated[str, typer.Option(help="Who holds the key")] = "command line",
     expires: Annotated[datetime | None, typer.Option(help="When it stops working (UTC)")] = None,
+    scope: Annotated[
+        list[str] | None,
+        typer.Option(help="read, upload, maintain or admin; repeat it; default: all that the role may"),
+    ] = None,
     json_: Json = False,
 ) -> None:
     """Make an API key and print it once.
 
-    With --json: {"id", "key", "owner", "role", "operator", "expires"}; operator and expires may be null.
+    With --json: {"id", "key", "owner", "role", "operator", "scopes", "expires"}; operator, scopes and expires may be null.
     """
     from datetime import UTC  # noqa: PLC0415
 
     from service.access import audit  # noqa: PLC0415 - heavy, and only here
+    from service.access.scopes import shown  # noqa: PLC0415
     from service.access.security import AT_THE_MACHINE, new_key  # noqa: PLC0415
     from service.running import opened  # noqa: PLC0415
     from service.settings import Settings  # noqa: PLC0415
@@ -37,9 +42,12 @@ def create_key(
     try:
         context = opened(settings)
         with context.database.writing() as session:
-            row, key = new_key(session, owner, role, operator, expires.replace(tzinfo=UTC) if expires else None)
-            audit.note(session, AT_THE_MACHINE, "key.make", f"key/{row.id}", operator, {"owner": owner, "role": role})
-            made = {"id": row.id, "key": key, "owner": owner, "role": role, "operator": operator}
+            ends = expires.replace(tzinfo=UTC) if expires else None
+            row, key = new_key(session, owner, role, operator, ends, scope or None)
+            scopes = shown(row.scopes)
+            details = {"owner": owner, "role": role, "scopes": scopes}
+            audit.note(session, AT_THE_MACHINE, "key.make", f"key/{row.id}", operator, details)
+            made = {"id": row.id, "key": key, "owner": owner, "role": role, "operator": operator, "scopes": scopes}
     except RuntimeError as error:
         raise failure(str(error), WRONG_SETTING) from None
     except ValueError as error:

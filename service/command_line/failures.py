@@ -22,9 +22,13 @@ def words_of(error: Exception) -> str | None:
 def _of_settings(error: Any) -> str:
     faults = []
     for fault in error.errors():
-        name = _PREFIX + str(fault["loc"][0]).upper() if fault["loc"] else "the settings"
         words = fault["msg"].removeprefix("Value error, ")
-        shown = "" if "password" in name.lower() or name.endswith("_URL") else f", not {str(fault['input'])[:80]!r}"
+        if not fault["loc"]:  # of several together: the words name them, and the input would show their secrets
+            faults.append(words)
+            continue
+        name = _PREFIX + str(fault["loc"][0]).upper()
+        secret = name.endswith(("_URL", "_PASSWORD", "_SECRET", "_KEY"))
+        shown = "" if secret else f", not {str(fault['input'])[:80]!r}"
         faults.append(f"{name}: {words[:1].lower()}{words[1:]}{shown}")
     return "; ".join(faults)
 

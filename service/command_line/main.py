@@ -166,9 +166,10 @@ def serve(
     with listening:
         try:
             opened(settings).database.close()
+            application = create_app(settings)
         except RuntimeError as error:
             raise failure(str(error), WRONG_SETTING) from None
-        Server(create_app(settings), settings, host, port).run(sockets=[listening])
+        Server(application, settings, host, port).run(sockets=[listening])
 
 
 @app.command(cls=Command)

@@ -3,6 +3,7 @@
 import asyncio
 import os
 import socket
+import sys
 import threading
 import time
 from types import FrameType
@@ -18,6 +19,9 @@ from service.settings import Settings
 _LAST_S = 8.0
 """What a stop takes at most beyond notice and drain: workers end their item, connections close. Then the process ends;
 whatever it had acknowledged is in the database, as after a crash."""
+_SWITCH_S = 5e-4
+"""How long a thread that computes may keep the interpreter from others [s]: a read changes threads some twenty times, and
+would wait ten times as long for each behind every upload that is folded by the interpreter's own interval."""
 log = structlog.get_logger("casedrain")
 
 
@@ -82,6 +86,7 @@ class Server(uvicorn.Server):
             )
         )
         self._app, self._settings = app, settings
+        sys.setswitchinterval(_SWITCH_S)
         self._ends_at: float | None = None
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:

@@ -85,5 +85,6 @@ class Archive:
         """
         applied = mapping.mapping if mapping else None
         dialect = applied.dialect if applied else None
-        raw = self.parser.parsed(file.path, content_type, content_encoding, self.limits, dialect)
+        limits = self.limits if full_scales is not None else self.limits.without_words()
+        raw = self.parser.parsed(file.path, content_type, content_encoding, limits, dialect, applied is not None)
         return checked(raw, overrides, registered, applied, types=types, full_scales=full_scales)

@@ -20,6 +20,8 @@ from twin.recording import Recording
 
 __all__ = ["DEFAULT_PUMP_TYPE", "DecodedRecord", "Limits", "checked", "decode"]
 DEFAULT_PUMP_TYPE = "h225"
+_MOST_SHOWN, _LONGEST_SHOWN = 200, 100
+"""Columns that were not kept, by name: how many are listed, and how much of each name."""
 RegisteredType = Callable[[str | None, str], str | None]
 FullScales = Callable[[RecordMetadata], Mapping[str, float]]
 """Full scale [bar] of the sensors that the aircraft of a record has of its own by then, by channel."""
@@ -135,8 +137,15 @@ def checked(
         raise Invalid(f"the record has {len(faults)} fault(s); nothing of it was stored", faults)
     foreign = {k: v for k, v in metadata.foreign.items() if isinstance(v, (str, int, float))}
     if raw.not_kept:
-        foreign["not_kept"] = ", ".join(f"{name} ({what})" for name, what in raw.not_kept.items())
+        foreign["not_kept"] = _listed(raw.not_kept)
     return DecodedRecord(metadata, Recording(channels, foreign, tuple(raw.flags)))
+
+
+def _listed(not_kept: Mapping[str, str]) -> str:
+    """What was not kept in a sentence, the rest of very much as a count."""
+    told = [f"{name[:_LONGEST_SHOWN]} ({what[:_LONGEST_SHOWN]})" for name, what in not_kept.items()]
+    more = len(told) - _MOST_SHOWN
+    return ", ".join(told if more <= 0 else [*told[:_MOST_SHOWN], f"and {more} more"])
 
 
 def _gauge(raw: RawRecord, metadata: RecordMetadata | None) -> dict[str, np.ndarray]:

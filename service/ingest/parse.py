@@ -14,6 +14,7 @@ from service.ingest import (
     parquet_format,
     tdms_format,
 )
+from service.ingest.bounds import check_words
 from service.ingest.file_formats import (
     ANY_TYPE,
     CONTENT_TYPES,
@@ -85,9 +86,10 @@ def parsed(
     named = next((f for f in FORMATS if kind in f.content_types), None)
     refuse_foreign(content, named)
     named = named or next(f for f in FORMATS if f.begins(content))
-    if not is_cut:
-        return _read(named, content, limits, dialect or TextDialect())
-    return _whole_lines(named, content, limits, dialect or TextDialect())
+    read = _whole_lines if is_cut else _read
+    file = read(named, content, limits, dialect or TextDialect())
+    check_words(file, limits)
+    return file
 
 
 def _whole_lines(named: FileFormat, content: bytes, limits: Limits, dialect: TextDialect) -> RawFile:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -15,9 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from opentelemetry import trace
+from prometheus_client import Histogram
 
 from service import errors
+from service.access.account import current_account
+from service.access.turns import Gate
 from service.errors import Fault, Problem, TooLarge, Undecodable
+from service.ingest.archive import INDEX, Archive, indexed_archive
 from service.ingest.raw import Limits, RawFile, Samples, Table, TextDialect
 
 _PACKAGE_ROOT = str(Path(__file__).resolve().parent.parent.parent)
@@ -25,6 +31,10 @@ _QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX
 _ARROW = {"ARROW_DEFAULT_MEMORY_POOL": "system", "ARROW_NUM_THREADS": "1"}
 """Threads and arenas reserve address space that they never use, which the memory limit would count."""
 _START_TIMEOUT_S = 60.0
+_FILE = ("decoding the file", "split the record into segments")
+_ARCHIVE = ("looking through the upload", "split it into several")
+_tracer = trace.get_tracer("casedrain")
+_SECONDS = Histogram("casedrain_parse_seconds", "Time that the parser took for a file")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,48 +55,95 @@ class ParserPool:
     limits
         Time and memory for one file.
     n_workers
-        How many files are parsed at the same time; further requests wait.
+        How many files are parsed at the same time; further requests wait, tenants in turn (``service.access.turns``).
+    most_waiting, patience_s
+        How many may wait while somebody waits for their answer, and how long [s].
     """
 
-    def __init__(self, folder: Path, limits: ParserLimits | None = None, n_workers: int = 2) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        limits: ParserLimits | None = None,
+        n_workers: int = 2,
+        most_waiting: int = 64,
+        patience_s: float = 60.0,
+    ) -> None:
         self._folder = folder
         self._limits = limits or ParserLimits()
+        self._gate = Gate(n_workers, most_waiting, patience_s, "the parser")
         self._places: queue.LifoQueue[_Worker | None] = queue.LifoQueue()
         for _ in range(n_workers):
             self._places.put(None)
 
     def parsed(
-        self, path: Path, content_type: str, content_encoding: str, limits: Limits, dialect: TextDialect | None = None
+        self,
+        path: Path,
+        content_type: str,
+        content_encoding: str,
+        limits: Limits,
+        dialect: TextDialect | None = None,
+        with_texts: bool = True,
     ) -> RawFile:
         """Columns and metadata of a file, as ``service.ingest.parse.parsed`` gives them.
+
+        Without ``with_texts`` columns of words come without their words: only a mapping reads them.
 
         Raises
         ------
         Undecodable, UnknownType, TooLarge
             the last also when time or memory run out, naming the limit.
+        TooMany, Unavailable
+            when too many wait, or for too long.
         """
-        self._folder.mkdir(parents=True, exist_ok=True)
-        with self._worker() as worker, tempfile.TemporaryDirectory(dir=self._folder, prefix="parsed-") as folder:
+        request = {
+            "path": str(path),
+            "content_type": content_type,
+            "content_encoding": content_encoding,
+            "limits": asdict(limits),
+            "dialect": asdict(dialect) if dialect else None,
+            "with_texts": with_texts,
+        }
+        with self._temporary() as folder:
             output = Path(folder) / "channels.f64"
-            answer = worker.ask(
-                {
-                    "path": str(path),
-                    "output": str(output),
-                    "content_type": content_type,
-                    "content_encoding": content_encoding,
-                    "limits": asdict(limits),
-                    "memory_bytes": self._limits.memory_bytes,
-                    "dialect": asdict(dialect) if dialect else None,
-                },
-                self._limits.seconds,
-            )
-            if answer.get("memory"):
-                raise self._too_much_memory()
-            if "problem" in answer:
-                faults = [Fault(where, problem) for where, problem in answer["errors"]]
-                kind: type[Problem] = getattr(errors, answer["problem"])
-                raise kind(answer["detail"], faults)
-            return _taken_over(answer, output)
+            return _taken_over(self._answer(request, output, _FILE), output)
+
+    def opened(self, path: Path, kind: str, most_bytes: int) -> Archive:
+        """An upload of many records with its index, as ``service.ingest.archive.opened_archive``; raises as ``parsed``."""
+        folder = self._temporary()
+        try:
+            self._answer({"path": str(path), "archive": kind}, Path(folder.name) / INDEX, _ARCHIVE)
+            return indexed_archive(path, kind, folder, most_bytes)
+        except BaseException:
+            folder.cleanup()
+            raise
+
+    def _temporary(self) -> "tempfile.TemporaryDirectory[str]":
+        self._folder.mkdir(parents=True, exist_ok=True)
+        return tempfile.TemporaryDirectory(dir=self._folder, prefix="parsed-")
+
+    def _answer(self, request: dict[str, Any], output: Path, words: tuple[str, str]) -> dict[str, Any]:
+        account = current_account()
+        with _tracer.start_as_current_span("parse"), self._gate.entered(account), self._worker(words) as worker:
+            began = time.monotonic()
+            try:
+                limits = {"output": str(output), "memory_bytes": self._limits.memory_bytes}
+                answer = worker.ask({**request, **limits}, self._limits.seconds)
+            finally:
+                seconds = time.monotonic() - began
+                account.parser_seconds += seconds
+                _SECONDS.observe(seconds)
+        if answer.get("memory"):
+            raise self._too_much_memory(words)
+        if "problem" in answer:
+            faults = [Fault(where, problem) for where, problem in answer["errors"]]
+            kind: type[Problem] = getattr(errors, answer["problem"])
+            raise kind(answer["detail"], faults)
+        return answer
+
+    @property
+    def waiting(self) -> int:
+        """How many files wait for a worker."""
+        return self._gate.waiting
 
     def close(self) -> None:
         """End every idle worker."""
@@ -99,7 +156,7 @@ class ParserPool:
                 worker.kill()
 
     @contextmanager
-    def _worker(self) -> Iterator["_Worker"]:
+    def _worker(self, words: tuple[str, str]) -> Iterator["_Worker"]:
         worker = self._places.get()
         try:
             if worker is not None and not worker.is_alive:
@@ -111,20 +168,19 @@ class ParserPool:
             except _TookTooLongError:
                 seconds = self._limits.seconds
                 fault = Fault("body", f"took longer than {seconds:g} s")
-                words = f"decoding the file takes longer than {seconds:g} s: split the record into segments"
-                raise TooLarge(words, [fault]) from None
+                raise TooLarge(f"{words[0]} takes longer than {seconds:g} s: {words[1]}", [fault]) from None
             except _DiedError as error:
                 if error.by_memory:
-                    raise self._too_much_memory() from None
+                    raise self._too_much_memory(words) from None
                 fault = Fault("body", f"ended the process that read it ({error})")
                 raise Undecodable("the file cannot be read: its reader crashed on it", [fault]) from None
         finally:
             self._places.put(worker)
 
-    def _too_much_memory(self) -> TooLarge:
+    def _too_much_memory(self, words: tuple[str, str]) -> TooLarge:
         limit = self._limits.memory_bytes
         return TooLarge(
-            f"decoding the file needs more than {limit} bytes of memory: split the record into segments",
+            f"{words[0]} needs more than {limit} bytes of memory: {words[1]}",
             [Fault("body", f"needs more than {limit} bytes of memory")],
         )
 

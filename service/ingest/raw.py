@@ -5,7 +5,7 @@ A file goes through four hands: its reader makes a ``RawFile``; the mapping rena
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
 
@@ -39,10 +39,16 @@ _BYTES_PER_SAMPLE = 8
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How much one upload may hold."""
+    """How much one upload may hold; metadata that mean something are not counted among the names."""
 
     inflated_bytes: int
     rows: int
+    metadata_names: int = 200
+    metadata_bytes: int = 2**16
+
+    def without_words(self) -> "Limits":
+        """For a record that was taken once: what later limits say of its metadata stays history."""
+        return replace(self, metadata_names=MOST_METADATA, metadata_bytes=self.inflated_bytes)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,14 @@ import os
 import resource
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from service.errors import Fault, Problem, StorageFull, TooLarge
+from service.ingest.archive_index import write_index
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawFile, TextDialect
 
@@ -31,8 +33,10 @@ def main() -> None:
 
 
 def _answer(request: dict[str, Any]) -> dict[str, Any]:
-    limits = Limits(**request["limits"])
     _limit_memory(request["memory_bytes"])
+    if "archive" in request:
+        return _indexed(request)
+    limits = Limits(**request["limits"])
     try:
         content = Path(request["path"]).read_bytes()
         dialect = _dialect(request["dialect"])
@@ -42,14 +46,30 @@ def _answer(request: dict[str, Any]) -> dict[str, Any]:
     except MemoryError:
         return {"problem": TooLarge.__name__, "memory": True}
     try:
-        return _handed_over(raw, Path(request["output"]))
+        return _handed_over(raw if request.get("with_texts", True) else _without_words(raw), Path(request["output"]))
     except OSError as failed:
-        # NumPy's own says neither number nor name of what the disk said; nothing else stops a file of ours
-        return {
-            "problem": StorageFull.__name__,
-            "detail": f"the channels cannot be handed over: {failed}",
-            "errors": [],
-        }
+        return _full("the channels", failed)
+
+
+def _indexed(request: dict[str, Any]) -> dict[str, Any]:
+    try:
+        return {"members": write_index(Path(request["path"]), request["archive"], Path(request["output"]))}
+    except Problem as problem:
+        return {"problem": type(problem).__name__, "detail": problem.detail, "errors": _faults(problem.errors)}
+    except MemoryError:
+        return {"problem": TooLarge.__name__, "memory": True}
+    except OSError as failed:
+        return _full("the index", failed)
+
+
+def _full(what: str, failed: OSError) -> dict[str, Any]:
+    # NumPy's own says neither number nor name of what the disk said; nothing else stops a file of ours
+    return {"problem": StorageFull.__name__, "detail": f"{what} cannot be handed over: {failed}", "errors": []}
+
+
+def _without_words(raw: RawFile) -> RawFile:
+    tables = tuple(replace(table, texts={name: [] for name in table.texts}) for table in raw.tables)
+    return replace(raw, tables=tables)
 
 
 def _dialect(request: dict[str, Any] | None) -> TextDialect | None:

@@ -7,8 +7,9 @@ from typing import Any
 
 from pydantic import Field
 
+from service.access.account import in_background
 from service.errors import Problem
-from service.ingest.archive import Archive, opened_archive
+from service.ingest.archive import Archive
 from service.ingest.file_names import named_by
 from service.ingest.mapping_version import MappingVersion
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
@@ -39,7 +40,7 @@ class BulkImport(Kind[BulkImportParameters, Archive]):
     def opened(self, work: Work[BulkImportParameters]) -> Iterator[Archive]:
         context = work.context
         with context.spool.of_parts(context.raw_store.chunks(work.parameters.content_hash)) as file:
-            archive = opened_archive(file.path, work.parameters.format, context.settings.max_upload_bytes)
+            archive = context.parser.opened(file.path, work.parameters.format, context.settings.max_upload_bytes)
             try:
                 yield archive
             finally:
@@ -53,7 +54,7 @@ class BulkImport(Kind[BulkImportParameters, Archive]):
         mapping = MappingVersion.from_json(parameters.mapping) if parameters.mapping else None
         try:
             member = archive.member(position)
-            with context.spool.of_parts(archive.parts(position)) as file:
+            with in_background(work.operator), context.spool.of_parts(archive.parts(position)) as file:
                 overrides = named_by(mapping.mapping.name_pattern if mapping else None, name, parameters.overrides)
                 upload = Upload(file, member.content_type, "", overrides, mapping=mapping)
                 accepted = context.acceptance.accept(upload, work.principal)

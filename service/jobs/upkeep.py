@@ -18,7 +18,7 @@ from service.jobs import state
 from service.jobs.state import Engine, StoppedError
 from service.notifications.worker import Postman, forget_old
 from service.registry.deletion import finish_deletions
-from service.registry.operators import expire
+from service.registry.retention import expire_all
 from service.storage.failures import is_passing
 from service.storage.tables import STORED, Record
 
@@ -63,14 +63,14 @@ def deliveries() -> None:
 
 @DBOS.workflow(name="casedrain-housekeeping")
 def housekeeping() -> None:
-    """End deletions that a crash interrupted, let raw bytes expire, forget what nobody asks for."""
+    """End deletions that a crash interrupted, let what is old expire, forget what nobody asks for."""
     engine = state.current()
     database, raw_store = engine.context.database, engine.context.raw_store
     now = datetime.now(UTC)
     with engine.at_work(DBOS.workflow_id):
         for what, work in (
             ("deletions", lambda: finish_deletions(database, raw_store)),
-            ("expiry of raw bytes", lambda: expire(database, raw_store, now)),
+            ("expiry of what is old", lambda: expire_all(database, raw_store, now)),
             ("old messages", lambda: forget_old(database, now)),
             ("alarms of older histories", lambda: catch_up(database)),
             ("finished workflows", _purge),

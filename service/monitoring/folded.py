@@ -4,6 +4,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
+from opentelemetry import trace
+from prometheus_client import Histogram
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
@@ -25,6 +27,8 @@ from service.monitoring.snapshots import Kept
 from service.monitoring.succession import with_neighbours
 from service.storage.tables import Pump, Record, StoredAssessment, VerdictRevision
 
+_tracer = trace.get_tracer("casedrain")
+_FOLD_SECONDS = Histogram("casedrain_fold_seconds", "Time to fold a pump's history anew")
 _MOST_IDS = 500
 """Ids of one query: SQLite allows 999 bound values in old builds."""
 MOST_AT_ONCE = 48
@@ -114,6 +118,20 @@ def folded(
     GivenUpError
         when ``given_up`` has said so.
     """
+    with _FOLD_SECONDS.time(), _tracer.start_as_current_span("fold"):
+        return _folded(session, pump, archive, dossier, incoming, from_scratch=from_scratch, given_up=given_up)
+
+
+def _folded(
+    session: Session,
+    pump: Pump,
+    archive: Archive,
+    dossier: Dossier | None,
+    incoming: Incoming | None,
+    *,
+    from_scratch: bool,
+    given_up: Callable[[], bool],
+) -> Folded:
     found = with_neighbours(
         session, pump, archive, knowledge(session, pump, archive, dossier=dossier, incoming=incoming)
     )

@@ -182,6 +182,13 @@ def pumps(principal: Principal, after: Sequence[Any] | None = None, wanted: Want
     return query.order_by(Pump.operator, Pump.serial)
 
 
+def pumps_by_state() -> Select[str, int]:
+    """Number of pumps by the state of their newest verdict, of every operator."""
+    state = func.coalesce(_newest(StoredAssessment.state), "insufficient_data").label("state")
+    states = select(state).select_from(Pump).subquery()
+    return select(states.c.state, func.count()).group_by(states.c.state)
+
+
 def _newest(column: InstrumentedAttribute[Any]) -> ScalarSelect[Any]:
     """A column of each pump's newest assessment."""
     last = select(column).where(StoredAssessment.pump_id == Pump.id)

@@ -16,6 +16,7 @@ from service.access.sessions import name_hash
 from service.answers import administration as answers
 from service.answers.words import instant
 from service.errors import Conflict, Unavailable
+from service.registry.operators import check_no_hold
 from service.registry.ownership import owned_tables, rows_of
 from service.registry.raw_bytes import archive_digests, document_digests, needs_of
 from service.storage.database import Database
@@ -31,7 +32,7 @@ def delete_operator(database: Database, raw_store: RawStore, operator: str, aske
     Raises
     ------
     Conflict
-        when an upload arrived in the middle; nothing is deleted then.
+        when an upload arrived in the middle, or a legal hold is on; nothing is deleted then.
 
     Notes
     -----
@@ -73,6 +74,7 @@ def receipt_hash(receipt: answers.Receipt) -> str:
 
 
 def _delete_rows(session: Session, operator: str, asker: Principal, reason: str) -> Deletion:
+    check_no_hold(session, operator)
     sent = set(session.scalars(select(Record.content_hash).where(Record.operator == operator)))
     for query in (archive_digests(), *document_digests()):
         sent |= set(session.scalars(query.where(Job.operator == operator)))

@@ -1,4 +1,4 @@
-"""Operators: who there is, and how long their raw bytes are kept."""
+"""Operators: who there is, and how long what is theirs is kept."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from service.access.security import Principal
 from service.answers.administration import Operator
 from service.bodies import Body
-from service.errors import Forbidden, NotFound
+from service.errors import Conflict, Fault, Forbidden, Invalid, NotFound
 from service.registry.raw_bytes import archive_digests
 from service.storage.database import Database
 from service.storage.raw_store import RawStore
@@ -18,10 +18,13 @@ from service.storage.tables import Aircraft, ApiKey, Job, OperatorSettings, Pump
 
 
 class OperatorChange(Body):
-    """Settings of an operator; ``retention_days`` null keeps raw bytes for ever."""
+    """What shall change of an operator's settings; what is left out stays, days of null keep for ever."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [{"retention_days": 730}]})
-    retention_days: int | None = Field(ge=1, le=36_500)
+    model_config = ConfigDict(json_schema_extra={"examples": [{"retention_days": 730, "job_days": 90}]})
+    retention_days: int | None = Field(default=None, ge=1, le=36_500)
+    job_days: int | None = Field(default=None, ge=1, le=36_500)
+    audit_days: int | None = Field(default=None, ge=30, le=36_500)
+    legal_hold: bool | None = None
 
 
 def visible(session: Session, asker: Principal) -> list[str]:
@@ -45,34 +48,54 @@ def documents(session: Session, operators: Sequence[str]) -> list[Operator]:
     """Operators in the shape of the API."""
     pumps = _counts(session, Pump)
     records = _counts(session, Record)
-    settings = {row.operator: row.retention_days for row in session.scalars(select(OperatorSettings))}
+    settings = {row.operator: row for row in session.scalars(select(OperatorSettings))}
     return [
         {
             "operator": name,
             "pumps": pumps.get(name, 0),
             "records": records.get(name, 0),
-            "retention_days": settings.get(name),
+            "retention_days": row.retention_days if row else None,
+            "job_days": row.job_days if row else None,
+            "audit_days": row.audit_days if row else None,
+            "legal_hold": bool(row and row.legal_hold),
         }
         for name in operators
+        for row in (settings.get(name),)
     ]
 
 
 def change(session: Session, asker: Principal, operator: str, body: OperatorChange) -> None:
-    """Set how long an operator's raw bytes are kept.
+    """Set how long raw bytes, jobs and audit entries of an operator are kept, or hold all of them.
 
     Raises
     ------
     Forbidden
-        when the asker may not manage this operator.
+        when the asker may not manage this operator, or would end a hold of theirs.
+    Invalid
+        when nothing is asked for.
     """
+    wanted = body.model_dump(exclude_unset=True)
+    if not wanted or wanted.get("legal_hold", False) is None:
+        raise Invalid("nothing was changed", [Fault("body", "names no setting, or a hold that is neither on nor off")])
     if asker.operator not in (None, operator):
         raise Forbidden(f"the key of {asker.owner} belongs to operator {asker.operator}")
     row = session.get(OperatorSettings, operator)
     if row is None:
-        row = OperatorSettings(operator=operator)
+        row = OperatorSettings(operator=operator, legal_hold=False)
         session.add(row)
-    row.retention_days, row.changed_at, row.author = body.retention_days, datetime.now(UTC), asker.owner
+    if row.legal_hold and wanted.get("legal_hold") is False and asker.operator is not None:
+        raise Forbidden("a legal hold is ended by an admin who sees every operator")
+    for name, value in wanted.items():
+        setattr(row, name, value)
+    row.changed_at, row.author = datetime.now(UTC), asker.owner
     session.flush()
+
+
+def check_no_hold(session: Session, operator: str) -> None:
+    """Raise ``Conflict`` where a legal hold keeps everything of an operator."""
+    row = session.get(OperatorSettings, operator)
+    if row is not None and row.legal_hold:
+        raise Conflict(f"operator {operator} is under a legal hold: nothing of it is deleted")
 
 
 def expire(database: Database, raw_store: RawStore, now: datetime) -> int:
@@ -84,7 +107,7 @@ def expire(database: Database, raw_store: RawStore, now: datetime) -> int:
     with database.reading() as session:
         kept_days = session.execute(
             select(OperatorSettings.operator, OperatorSettings.retention_days).where(
-                OperatorSettings.retention_days.is_not(None)
+                OperatorSettings.retention_days.is_not(None), OperatorSettings.legal_hold.is_(False)
             )
         ).all()
     limits = {operator: now - timedelta(days=int(days or 0)) for operator, days in kept_days}

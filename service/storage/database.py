@@ -29,6 +29,8 @@ _MIGRATION_LOCK = 7_263_901_455
 _AFTERWARDS = "afterwards"
 _LOCK_TIMEOUT_MS = 30_000
 """Longest wait for what another transaction holds: a pump that is folded, a table that is migrated."""
+_PATIENCE_MS = 50
+"""Longest wait of what may be left out."""
 
 
 class Database:
@@ -38,6 +40,7 @@ class Database:
         self.url = url
         self.engine = _engine(url)
         self._reading = sessionmaker(self.engine, expire_on_commit=False)
+        self._noting = sessionmaker(self.engine.execution_options(writes=True, patience_ms=_PATIENCE_MS))
         self._writing = sessionmaker(self.engine.execution_options(writes=True), expire_on_commit=False)
         self._turn = threading.Lock()
         event.listen(self._writing, "before_commit", lambda session: chain_noted(session, audit_key))
@@ -74,6 +77,12 @@ class Database:
                 self._turn.release()
         for then in session.info.pop(_AFTERWARDS, ()):
             then(self)
+
+    @contextmanager
+    def noting(self) -> Iterator[Session]:
+        """One transaction for what may be left out: SQLite's is given up where somebody else writes, not waited for."""
+        with self._noting.begin() as session:
+            yield session
 
     @contextmanager
     def snapshot(self) -> Iterator[Session]:
@@ -161,15 +170,29 @@ def _on_unstorable(context: ExceptionContext) -> None:
 def _on_sqlite_connect(connection: Any, _record: Any) -> None:
     connection.isolation_level = None  # SQLAlchemy's begin event decides how a transaction starts
     cursor = connection.cursor()
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "busy_timeout=30000", "foreign_keys=ON", "secure_delete=ON"):
+    for pragma in (
+        "journal_mode=WAL",
+        "synchronous=FULL",
+        f"busy_timeout={_LOCK_TIMEOUT_MS}",
+        "foreign_keys=ON",
+        "secure_delete=ON",
+    ):
         cursor.execute(f"PRAGMA {pragma}")
     cursor.close()
 
 
 def _on_sqlite_begin(connection: Connection) -> None:
     # a deferred read-then-write fails with "database is locked" in spite of the timeout
-    writes = connection.get_execution_options().get("writes", False)
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+    options = connection.get_execution_options()
+    patience_ms = options.get("patience_ms", _LOCK_TIMEOUT_MS)
+    if patience_ms == _LOCK_TIMEOUT_MS:
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if options.get("writes", False) else "BEGIN")
+        return
+    connection.exec_driver_sql(f"PRAGMA busy_timeout={patience_ms}")
+    try:
+        connection.exec_driver_sql("BEGIN IMMEDIATE")
+    finally:
+        connection.exec_driver_sql(f"PRAGMA busy_timeout={_LOCK_TIMEOUT_MS}")
 
 
 def migrations_folder() -> Path:

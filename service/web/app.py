@@ -47,6 +47,7 @@ from service.web.routes import (
     webhooks,
 )
 from service.web.routes import twin as twin_routes
+from service.web.traces import telemetry
 from service.web.whole_names import WholeNames, whole_names
 
 
@@ -61,9 +62,13 @@ def create_app(settings: Settings) -> FastAPI:
         await run_in_threadpool(engine.start, context)
         yield
         await run_in_threadpool(engine.stop)
+        if tracer is not None:
+            await run_in_threadpool(tracer.shutdown)
         context.close()
 
+    told, tracer = telemetry(settings)
     app = FastAPI(
+        telemetry=told,
         title="casedrain",
         version=__version__,
         summary="Condition monitoring of hydraulic pumps from case and discharge pressure",

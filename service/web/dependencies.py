@@ -4,15 +4,19 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
 
+from service.access.account import current_account
+from service.access.last_use import note_use
+from service.access.scopes import scope_of
 from service.access.security import EVERYBODY, Principal, principal_of, touch_key
 from service.access.sessions import Visitor, find_session, session_cookie
 from service.context import Context
 from service.errors import Unauthenticated
 from service.settings import is_loopback
 from service.storage.database import Database
-from service.storage.failures import passing_failures
 from service.web.addresses import API_PREFIX
+from service.web.admission import READING
 
 
 def context_of(request: Request) -> Context:
@@ -36,13 +40,18 @@ def principal(request: Request) -> Principal:
     ------
     Unauthenticated
         when authentication is on and neither a valid key nor, for reading, a living session came along.
+    Forbidden
+        when the key's scopes are for other calls.
     """
     context = context_of(request)
     if not context.settings.auth_is_on:
         return EVERYBODY
     scheme, _, key = request.headers.get("authorization", "").partition(" ")
     if scheme.lower() == "bearer" and key.strip():
-        return known_principal(context.database, key.strip())
+        found = known_principal(context.database, key.strip())
+        _learn(request, context, found)
+        found.require_scope(scope_of(request.method, request.url.path.removeprefix(API_PREFIX)))
+        return found
     # the cookie serves the pages' own reading only: a foreign page must not write through it
     visitor = visitor_of(request) if request.method in ("GET", "HEAD") else None
     if visitor is None:
@@ -55,8 +64,28 @@ def visitor_of(request: Request) -> Visitor | None:
     if not hasattr(request.state, "visitor"):
         context, token = context_of(request), request.cookies.get(session_cookie(is_secure(request)), "")
         request.state.visitor = find_session(context.database, token, context.settings) if token else None
+        if request.state.visitor is not None:
+            _learn(request, context, request.state.visitor.principal)
     visitor: Visitor | None = request.state.visitor
     return visitor
+
+
+def credential_of(headers: Headers) -> str:
+    """What a request shows of whose it is, as it stands in its head; empty without anything."""
+    return headers.get("authorization") or headers.get("cookie") or ""
+
+
+def _learn(request: Request, context: Context, who: Principal) -> None:
+    """Note who asks, and count the request for them.
+
+    Raises
+    ------
+    TooMany
+        when a quota is used up.
+    """
+    account = current_account()
+    context.crowd.learn(account, credential_of(request.headers), who.key, who.operator, who.owner)
+    context.crowd.quotas.count(account, brings_bytes=request.method not in READING)
 
 
 def is_secure(request: Request) -> bool:
@@ -75,9 +104,7 @@ def known_principal(database: Database, key: str) -> Principal:
     with database.reading() as session:
         found, stale = principal_of(session, key)
     if stale:
-        # a full disk must not keep anybody from reading
-        with passing_failures("the time of a key's last use is not noted"), database.writing() as session:
-            touch_key(session, key)
+        note_use(database, f"key {found.key}", lambda session: touch_key(session, key))
     return found
 
 

@@ -290,6 +290,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", "/records/{record_id}/withdraw"): Entry(OPEN, "/records/{record}/withdraw"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),
+    ("GET", "/sign-in/oidc"): Entry(OPEN, "/sign-in/oidc"),
+    ("GET", "/sign-in/oidc/callback"): Entry(OPEN, "/sign-in/oidc/callback"),
     ("POST", "/sign-out"): Entry(OPEN, "/sign-out"),
     ("GET", "/docs"): Entry(OPEN, "/docs"),
     ("GET", "/openapi.json"): Entry(OPEN, "/openapi.json"),

@@ -104,6 +104,7 @@ def test_what_a_file_manager_leaves_in_an_archive_is_no_record(tmp_path: Path) -
     )
     archive = opened_archive(path, "zip", 2_000_000)
     assert [archive.name(i) for i in range(len(archive))] == ["a.json"]
+    archive.close()
 
 
 def link() -> zipfile.ZipInfo:
@@ -163,3 +164,17 @@ def test_text_that_no_database_can_hold_is_refused_by_name(client: TestClient) -
         # written as escapes: JSON may, and SQLite would take them
         answer = client.post(f"{API}/{path}", content=json.dumps(content).encode(), headers=JSON)
         assert where in places(answer), path
+
+
+def test_a_truth_value_is_no_number(client: TestClient) -> None:
+    """Readers of JSON take false for 0 where a number belongs: at the top, in lists, by name, in bodies within bodies."""
+    condition = {"speed_rpm": 4600.0, "fluid_temperature_degc": 50.0}
+    for path, content, where in (
+        ("twin/operating-point", {"conditions": [{**condition, "discharge_flow_lpm": False}]}, "discharge_flow_lpm"),
+        ("twin/operating-point", {"conditions": [{**condition, "health": {"droop_scale": True}}]}, "droop_scale"),
+        ("twin/isolability", {"temperature_range_degc": [0.0, False]}, "temperature_range_degc"),
+        ("thresholds/preview", {"scope": "fleet", "id": "default", "values": {"case_flow_limit_lpm": True}}, "values"),
+    ):
+        answer = client.post(f"{API}/{path}", json=content)
+        assert answer.status_code == 422, answer.text
+        assert any(where in place for place in places(answer)), answer.text

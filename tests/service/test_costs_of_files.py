@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from service.errors import Invalid, Problem, TooLarge, Undecodable
-from service.ingest import archive as archives
+from service.ingest import archive_index as archives
 from service.ingest.archive import opened_archive
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits

@@ -242,7 +242,7 @@ class TestLeaving:
 
     def test_every_table_that_names_an_operator_is_owned(self) -> None:
         chain = {"audit_heads", "audit_links", "backups"}
-        free = {"deletions", "failed_sign_ins", "alembic_version", "installation_values"} | chain
+        free = {"deletions", "failed_sign_ins", "alembic_version", "installation_values", "pending_sign_ins"} | chain
         unowned = {t.name for t in Base.metadata.sorted_tables} - set(owned_tables()) - free
         assert unowned == set()
 
@@ -257,7 +257,8 @@ def test_retention_removes_raw_bytes_and_keeps_verdicts(guarded: TestClient) -> 
     )
     assert guarded.patch(f"{API}/operators/west", json={"retention_days": 30}, headers=admin).status_code == 404
     changed = guarded.patch(f"{API}/operators/north", json={"retention_days": 30}, headers=admin)
-    assert changed.json() == {"operator": "north", "pumps": 1, "records": 1, "retention_days": 30}
+    kept = {"retention_days": 30, "job_days": None, "audit_days": None, "legal_hold": False}
+    assert changed.json() == {"operator": "north", "pumps": 1, "records": 1, **kept}
     verdict = guarded.get(f"{API}/pumps/P-1/verdict?operator=north", headers=admin).json()
     now = datetime.now(UTC)
     assert expire(context.database, context.raw_store, now + timedelta(days=29)) == 0

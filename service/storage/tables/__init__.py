@@ -1,6 +1,6 @@
 """Tables, the same for SQLite and Postgres. Numbers that queries never look into stay in JSON columns."""
 
-from service.storage.tables.access import ApiKey, FailedSignIn, SignedIn, User
+from service.storage.tables.access import ApiKey, FailedSignIn, PendingSignIn, SignedIn, User
 from service.storage.tables.alarms import Alarm, AlarmAction, Delivery, Message, Webhook
 from service.storage.tables.audit import AuditEntry, AuditHead, AuditLink
 from service.storage.tables.backups import Backup
@@ -69,6 +69,7 @@ __all__ = [
     "MaintenanceEvent",
     "Message",
     "OperatorSettings",
+    "PendingSignIn",
     "Pump",
     "Record",
     "RecordMark",

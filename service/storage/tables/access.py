@@ -20,6 +20,8 @@ class ApiKey(Base):
     owner: Mapped[str]
     role: Mapped[str]
     operator: Mapped[str | None]
+    scopes: Mapped[str | None]
+    """Names with blanks between them; none: whatever the role may."""
     key_hash: Mapped[str] = mapped_column(unique=True)
     created_at: Mapped[datetime]
     expires_at: Mapped[datetime | None]
@@ -49,6 +51,22 @@ class User(Base):
     created_at: Mapped[datetime]
     disabled_at: Mapped[datetime | None]
     last_signed_in_at: Mapped[datetime | None]
+    oidc_subject: Mapped[str | None] = mapped_column(unique=True)
+    """Who this is to the issuer that signs people in; none: by password only."""
+
+
+class PendingSignIn(Base):
+    """A sign-in that was sent to the issuer: what its answer must bring back. Taken once, then it is gone."""
+
+    __tablename__ = "pending_sign_ins"
+    __table_args__ = (Index("ix_pending_sign_ins_expires_at", "expires_at"),)
+
+    state_hash: Mapped[str] = mapped_column(primary_key=True)
+    browser_hash: Mapped[str]
+    nonce: Mapped[str]
+    verifier: Mapped[str]
+    wanted: Mapped[str]
+    expires_at: Mapped[datetime]
 
 
 class SignedIn(Base):

@@ -3,6 +3,7 @@
 from datetime import datetime
 from typing import Any
 
+from sqlalchemy import false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.answers.administration import Receipt
@@ -10,12 +11,18 @@ from service.storage.tables.base import JSON_COLUMN, Base
 
 
 class OperatorSettings(Base):
-    """What one operator has set; an operator without a row keeps everything."""
+    """What one operator has set; an operator without a row keeps everything.
+
+    ``retention_days`` are of raw bytes. Under ``legal_hold`` nothing of the operator goes, whatever its age.
+    """
 
     __tablename__ = "operator_settings"
 
     operator: Mapped[str] = mapped_column(primary_key=True)
     retention_days: Mapped[int | None]
+    job_days: Mapped[int | None]
+    audit_days: Mapped[int | None]
+    legal_hold: Mapped[bool] = mapped_column(default=False, server_default=false())
     changed_at: Mapped[datetime]
     author: Mapped[str]
 

@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from pydantic import TypeAdapter
 
+from service.access.turns import TooMany
 from service.answers.job_documents import JOB_DOCUMENTS
 from service.answers.problems import Problem as ProblemShape
 from service.answers.words import SHAPES
@@ -69,6 +70,7 @@ _EXAMPLES: tuple[Problem, ...] = (
     UnknownType("no adapter reads application/pdf"),
     Invalid("the request has 1 fault(s)", [Fault("query.limit", "Input should be less than or equal to 500")]),
     PreconditionRequired('send If-Match with the version you read ("4"), or * for the first'),
+    TooMany("the operator north has used up its quota of requests: try again in 3 s"),
     Unavailable("the raw store does not answer: try again"),
     TooSlow("the body does not arrive: send it again"),
     Misdirected("without authentication this service answers to localhost only: call it http://127.0.0.1"),
@@ -103,6 +105,7 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("DELETE", "/records/{record_id}"): (409, 503),
     ("POST", "/pumps"): (409,),
     ("POST", "/aircraft"): (409,),
+    ("POST", "/circuits"): (409,),
     ("POST", "/pump-types"): (400, 409, 413, 415),
     ("PATCH", "/pumps/{serial}"): (503,),
     ("PATCH", "/aircraft/{name}"): (503,),
@@ -124,6 +127,8 @@ _EVERYWHERE = (400, 408, 413, 421, 422, 500)
 that is not known, a mistake of ours: before or behind any call."""
 _OF_WRITES = (403, 503, 507)
 """Another site that writes, a database that is away, a disk that is full; the API's reads need the database too."""
+_PROBES = ("/healthz", "/readyz", "/metrics")
+"""Who is never told that too much is asked (429), or that the service is busy (503)."""
 _GUARDED_READS = ("/audit", "/keys", "/mappings/{name}", "/operators", "/users", "/webhooks")
 """What not everybody may read; of other reads a foreign name is one that does not exist."""
 _RECORD: dict[str, Any] = {
@@ -260,8 +265,8 @@ def _complete(method: str, path: str, operation: dict[str, Any], example: Any) -
 def _anywhere(method: str, path: str, operation: Mapping[str, Any]) -> set[int]:
     """Statuses of the ring around all calls, and of the reading of a body."""
     statuses = set(_EVERYWHERE)
-    if path.startswith(_API):
-        statuses.add(503)
+    if path not in _PROBES:
+        statuses |= {429, 503}
     if method != "GET":
         statuses |= set(_OF_WRITES)
     if "application/json" in operation.get("requestBody", {}).get("content", {}):
@@ -286,4 +291,7 @@ def _problems(method: str, path: str, has_input: bool) -> list[int]:
 def _problem_response(status: int) -> dict[str, Any]:
     problem = _BY_STATUS[status]
     content = {"schema": {"$ref": "#/components/schemas/Problem"}, "example": deepcopy(problem.body())}
-    return {"description": HTTPStatus(status).phrase, "content": {PROBLEM_JSON: content}}
+    response: dict[str, Any] = {"description": HTTPStatus(status).phrase, "content": {PROBLEM_JSON: content}}
+    if status in (429, 503):
+        response["headers"] = {"Retry-After": {"description": "Seconds to wait", "schema": {"type": "integer"}}}
+    return response

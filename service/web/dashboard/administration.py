@@ -30,7 +30,9 @@ def make_key(form: SentForm) -> Response:
     """Make a key and show it, this once."""
     form.goes_back_to("/keys")
     form.who.require("admin")
-    values = form.filled(without=("expires_at",)) | {"expires_at": form.instant("expires_at")}
+    values = form.filled(without=("expires_at", "scope")) | {"expires_at": form.instant("expires_at")}
+    if form.text("scope"):
+        values["scopes"] = [form.text("scope")]
     made = keys.make(checked(keys.NewKey, values, "key"), form.context, form.who)
     return _keys(form.request, form.context, form.who, None, made)
 

@@ -9,6 +9,7 @@ from service.web.dashboard.engineer import engineer_router
 from service.web.dashboard.fleet import fleet_router
 from service.web.dashboard.jobs import job_router
 from service.web.dashboard.mappings import mapping_router
+from service.web.dashboard.oidc import oidc_router
 from service.web.dashboard.pages import page_router
 from service.web.dashboard.records import record_router
 from service.web.dashboard.registry import registry_router
@@ -31,5 +32,6 @@ for _part in (
     administration_router,
     action_router,
     sign_in_router,
+    oidc_router,
 ):
     dashboard_router.include_router(_part)

@@ -20,7 +20,7 @@ from service.access.sessions import (
 )
 from service.access.users import with_password
 from service.errors import Forbidden, Problem
-from service.storage.tables import User
+from service.storage.tables import ApiKey, User
 from service.web.dashboard.frame import PageRoute, html_page, problem_page
 from service.web.dashboard.links import local_address
 from service.web.dependencies import context_of, is_secure, visitor_of
@@ -36,7 +36,7 @@ def sign_in_page(
     request: Request, wanted: Annotated[str, Query(alias="next", max_length=_LONGEST_FIELD)] = "/"
 ) -> Response:
     """Ask for name and password, or for a key; then lead on to the page that was wanted."""
-    return _asked(request, 200, None, local_address(wanted))
+    return asked_again(request, 200, None, local_address(wanted))
 
 
 @sign_in_router.post("/sign-in")
@@ -52,9 +52,9 @@ def sign_in(
     context, wanted = context_of(request), local_address(wanted)
     held = request.cookies.get(_form_cookie(request), "")
     if not held or not secrets.compare_digest(held.encode(), csrf_token.encode()):
-        return _asked(request, 403, "The form has expired. Please try again.", wanted)
+        return asked_again(request, 403, "The form has expired. Please try again.", wanted)
     address = request.client.host if request.client else "unknown"
-    who = name or "(key)"
+    who = name or f"(key) {address}"  # whoever fails on purpose must keep nobody else out
     try:
         with context.database.reading() as session:
             check_pace(session, who, address)
@@ -62,21 +62,32 @@ def sign_in(
             row = key_of(session, key.strip()) if key and not name else None
     except Problem as problem:
         words = f"{problem.detail[:1].upper()}{problem.detail[1:]}."
-        return _asked(request, int(problem.status), words, wanted, problem.headers)
+        return asked_again(request, int(problem.status), words, wanted, problem.headers)
     found = user or row
-    with context.database.writing() as session:
-        if found is None:
-            note_failure(session, who, address)
-        else:
-            forget_failures(session, who, address)
-            user_id, key_id = (found.id, None) if isinstance(found, User) else (None, found.id)
-            token = start_session(session, context.settings, user_id=user_id, key_id=key_id)
-            owner = found.name if isinstance(found, User) else found.owner
-            come = Principal(owner, found.role, found.operator)
-            audit.note(session, come, "session.start", f"user/{owner}", found.operator)
     if found is None:
-        what = "That key is not known, has expired or was revoked." if key else "Name or password is wrong."
-        return _asked(request, 401, what, wanted)
+        with context.database.writing() as session:
+            note_failure(session, who, address)
+        what = (
+            "That key is not known, has expired, was revoked or is for single calls only."
+            if key
+            else "Name or password is wrong."
+        )
+        return asked_again(request, 401, what, wanted)
+    response = signed_in(request, found, wanted, who, address)
+    response.delete_cookie(_form_cookie(request), secure=is_secure(request), httponly=True)
+    return response
+
+
+def signed_in(request: Request, found: User | ApiKey, wanted: str, who: str, address: str) -> Response:
+    """Start a session for somebody who has shown who they are, and lead on to the page that was wanted."""
+    context = context_of(request)
+    with context.database.writing() as session:
+        forget_failures(session, who, address)
+        user_id, key_id = (found.id, None) if isinstance(found, User) else (None, found.id)
+        token = start_session(session, context.settings, user_id=user_id, key_id=key_id)
+        owner = found.name if isinstance(found, User) else found.owner
+        come = Principal(owner, found.role, found.operator)
+        audit.note(session, come, "session.start", f"user/{owner}", found.operator)
     response = RedirectResponse(wanted, status_code=303)
     response.set_cookie(
         session_cookie(is_secure(request)),
@@ -86,7 +97,6 @@ def sign_in(
         samesite="lax",
         secure=is_secure(request),
     )
-    response.delete_cookie(_form_cookie(request), secure=is_secure(request), httponly=True)
     return response
 
 
@@ -109,11 +119,14 @@ def sign_out(request: Request, csrf_token: _Field = "") -> Response:
     return response
 
 
-def _asked(
+def asked_again(
     request: Request, status: int, problem: str | None, wanted: str, headers: dict[str, str] | None = None
 ) -> Response:
+    """The sign-in page with what went wrong."""
     token = secrets.token_urlsafe(32)
+    settings = context_of(request).settings
     values = {"request": request, "problem": problem, "csrf_token": token, "wanted": wanted}
+    values["elsewhere"] = settings.oidc_name if settings.oidc_issuer else None
     response = html_page("sign_in.html", status, values)
     response.headers.update(headers or {})
     response.set_cookie(

@@ -8,7 +8,7 @@ from starlette.concurrency import run_in_threadpool
 from service.access.security import Principal
 from service.answers import jobs as answers
 from service.context import Context
-from service.ingest.archive import NDJSON_TYPES, ZIP_TYPES, archive_kind, opened_archive
+from service.ingest.archive import NDJSON_TYPES, ZIP_TYPES, archive_kind
 from service.ingest.mapping_version import MappingVersion
 from service.jobs.requests import ask_for
 from service.storage.spool import SpooledFile
@@ -63,7 +63,7 @@ def asked(
     """Check the archive as a whole, keep it, and queue its import."""
     with file.path.open("rb") as head:
         kind = archive_kind(content_type, head.read(_HEAD_BYTES))
-    opened_archive(file.path, kind, context.settings.max_upload_bytes).close()
+    context.parser.opened(file.path, kind, context.settings.max_upload_bytes).close()
     context.raw_store.put_file(file.path, file.digest)
     values = {
         "content_hash": file.digest,

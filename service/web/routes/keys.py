@@ -6,7 +6,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from pydantic import ConfigDict, Field
 
-from service.access import audit
+from service.access import audit, scopes
+from service.access.scopes import Scope
 from service.access.security import Principal, Role, new_key
 from service.answers.administration import Key, KeyMade
 from service.answers.words import Page, instant
@@ -22,7 +23,9 @@ router = APIRouter(prefix="/keys", tags=["administration"], route_class=AnswerRo
 
 
 class NewKey(Body):
-    """What a key shall be allowed to do; without ``operator`` it sees every operator."""
+    """What a key shall be allowed to do; without ``operator`` it sees every operator, without ``scopes`` it does what its
+    role may.
+    """
 
     model_config = ConfigDict(
         json_schema_extra={"examples": [{"owner": "hums-office", "role": "analyst", "operator": "north"}]},
@@ -31,6 +34,7 @@ class NewKey(Body):
     role: Role
     operator: str | None = Field(default=None, min_length=1, max_length=200)
     expires_at: datetime | None = None
+    scopes: list[Scope] | None = Field(default=None, min_length=1, max_length=4)
 
 
 @router.get("", summary="List keys, without the keys themselves")
@@ -56,8 +60,15 @@ def make(body: NewKey, context: ContextOf, asker: Asker) -> KeyMade:
     asker.require("admin")
     _check(body, asker)
     with context.database.writing() as session:
-        row, key = new_key(session, body.owner, body.role, body.operator or asker.operator, body.expires_at)
-        details = {"owner": row.owner, "role": row.role, "expires_at": row.expires_at and row.expires_at.isoformat()}
+        row, key = new_key(
+            session, body.owner, body.role, body.operator or asker.operator, body.expires_at, body.scopes
+        )
+        details = {
+            "owner": row.owner,
+            "role": row.role,
+            "scopes": scopes.shown(row.scopes),
+            "expires_at": row.expires_at and row.expires_at.isoformat(),
+        }
         audit.note(session, asker, "key.make", f"key/{row.id}", row.operator, details)
         return {**_shown(row), "key": key}
 
@@ -78,6 +89,9 @@ def revoke(key_id: str, context: ContextOf, asker: Asker) -> None:
 def _check(body: NewKey, asker: Principal) -> None:
     if asker.operator is not None and body.operator not in (None, asker.operator):
         raise Forbidden(f"an admin of operator {asker.operator} makes keys of that operator only")
+    beyond = scopes.beyond(body.scopes, asker.scopes)
+    if beyond:
+        raise Forbidden(f"{asker.owner} cannot give what it has not: {', '.join(beyond)}")
     if body.expires_at is None:
         return
     if body.expires_at.tzinfo is None:
@@ -92,6 +106,7 @@ def _shown(row: ApiKey) -> Key:
         "owner": row.owner,
         "role": row.role,
         "operator": row.operator,
+        "scopes": scopes.shown(row.scopes),
         "created_at": instant(row.created_at),
         "expires_at": instant(row.expires_at),
         "last_used_at": instant(row.last_used_at),

@@ -2,11 +2,11 @@
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
-from typing import Annotated
+from typing import Annotated, cast
 
 from fastapi import APIRouter, Header, Request, Response
 from fastapi.responses import JSONResponse
-from prometheus_client import REGISTRY
+from prometheus_client import CollectorRegistry
 from prometheus_client.exposition import choose_encoder
 
 from service.answers.operations import Alive, Readiness
@@ -16,6 +16,7 @@ from service.storage.database import pending_migration
 from service.storage.disk import shortage
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import ContextOf
+from service.web.metrics import Everything
 
 router = APIRouter(tags=["operations"], route_class=AnswerRoute)
 READY_TIMEOUT_S = 2.0
@@ -49,10 +50,10 @@ async def ready(request: Request, context: ContextOf) -> JSONResponse:
 
 
 @router.get("/metrics", summary="Prometheus metrics", response_class=Response)
-def metrics(accept: Annotated[str, Header(include_in_schema=False)] = "") -> Response:
-    """Counters and timings of this process; as OpenMetrics, where it is asked for, errors name their last request."""
+def metrics(context: ContextOf, accept: Annotated[str, Header(include_in_schema=False)] = "") -> Response:
+    """Counters and timings of this process, and the installation's queues; as OpenMetrics errors name their last request."""
     encode, media_type = choose_encoder(accept)
-    return Response(encode(REGISTRY), media_type=media_type)
+    return Response(encode(cast("CollectorRegistry", Everything(context))), media_type=media_type)
 
 
 def _said(probe: asyncio.Future[str | None]) -> str:

@@ -42,13 +42,16 @@ def deletions(context: ContextOf, asker: Asker) -> Page[Receipted]:
         return {"items": [document(row) for row in session.scalars(query)], "next": None}
 
 
-@router.patch("/{operator}", summary="Set how long raw bytes are kept")
+@router.patch("/{operator}", summary="Set how long things are kept, or hold them")
 def change(operator: str, body: registry.OperatorChange, context: ContextOf, asker: Asker) -> Operator:
-    """Set the retention of raw bytes; verdicts and what they rest on stay."""
+    """Set the retention of raw bytes, of jobs that have ended and of audit entries; verdicts and what they rest on stay.
+
+    Under a legal hold nothing goes, and the operator cannot be deleted.
+    """
     with context.database.writing() as session:
         registry.check_visible(session, asker, operator)
         registry.change(session, asker, operator, body)
-        details = body.model_dump(mode="json")
+        details = body.model_dump(mode="json", exclude_unset=True)
         audit.note(session, asker, "operator.change", f"operator/{operator}", operator, details)
         return registry.documents(session, [operator])[0]
 

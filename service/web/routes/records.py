@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from starlette.concurrency import run_in_threadpool
 
+from service.access.account import current_account
 from service.access.security import Principal
 from service.answers import records as answers
 from service.answers.words import Page, instant
@@ -73,6 +74,9 @@ async def upload(
     named = await run_in_threadpool(mapping_of, context, asker, overrides, mapping)
     overrides = named_by(named.mapping.name_pattern if named else None, file_name_of(request, file_name), overrides)
     declared = request.headers.get("content-length", "")
+    account, uploads = current_account(), context.crowd.uploads
+    if wait:
+        uploads.check(account)  # before its bytes are taken
     async with context.spool.received(request.stream(), declared, context.settings.max_upload_bytes) as file:
         new = Upload(
             file=file,
@@ -83,8 +87,11 @@ async def upload(
             mapping=named,
             is_waited_for=wait,
         )
-        take = context.acceptance.accept if wait else context.acceptance.store
-        accepted = await run_in_threadpool(take, new, asker)
+        if wait:
+            async with uploads.entered_by_task(account):
+                accepted = await run_in_threadpool(context.acceptance.accept, new, asker)
+        else:
+            accepted = await run_in_threadpool(context.acceptance.store, new, asker)
     answer = await run_in_threadpool(_answer, context, asker, accepted.record_id)
     response.status_code = 200 if accepted.known else (201 if wait and not accepted.waiting else 202)
     response.headers["Location"] = location("records", accepted.record_id)

@@ -3,10 +3,10 @@
 from typing import cast
 
 from fastapi import APIRouter
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import ConfigDict, Field, FiniteFloat
 
 from service.answers import twin as answers
-from service.bodies import FluidName
+from service.bodies import FluidName, Numbers
 from service.errors import Fault, Invalid
 from service.pump_types.circuits import circuits
 from service.pump_types.parameter_sets import asked_type
@@ -22,7 +22,7 @@ _LEAKAGES = ("piston", "slipper", "port_plate", "compensator")
 _PLURALS = {"piston": "pistons", "slipper": "slippers", "port_plate": "port_plate", "compensator": "compensator"}
 
 
-class HealthInput(BaseModel):
+class HealthInput(Numbers):
     """What wear and faults change; the defaults are the healthy pump."""
 
     model_config = ConfigDict(extra="forbid")
@@ -38,7 +38,7 @@ class HealthInput(BaseModel):
     droop_scale: FiniteFloat = 1.0
 
 
-class ConditionInput(BaseModel):
+class ConditionInput(Numbers):
     """Where the pump runs, and with which fluid; without one the pump type's own."""
 
     model_config = ConfigDict(extra="forbid")
@@ -51,7 +51,7 @@ class ConditionInput(BaseModel):
     health: HealthInput = HealthInput()
 
 
-class OperatingPointRequest(BaseModel):
+class OperatingPointRequest(Numbers):
     """Conditions to solve, all for one pump type."""
 
     model_config = ConfigDict(

@@ -3,13 +3,13 @@
 from typing import Annotated, Any
 
 from fastapi import APIRouter
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, ConfigDict, Field, FiniteFloat
 
 from detectors.isolability.bounds import isolability
 from detectors.isolability.plan import MOST_GROUND_RUN_FLOWS, PLAN_RANGES, Plan, PlanFaultsError, Sensors
 from detectors.isolability.table import REPEATABILITY_SHARE
 from service.answers import twin as answers
-from service.bodies import FluidName
+from service.bodies import FluidName, Numbers
 from service.errors import Fault, Invalid
 from service.pump_types.circuits import circuits
 from service.pump_types.parameter_sets import find_type, types
@@ -47,7 +47,7 @@ GroundRunFlow = Annotated[FiniteFloat, _within("ground_run_flow_lpm")]
 Temperature = Annotated[FiniteFloat, _within("temperature_degc")]
 
 
-class SensorInput(BaseModel):
+class SensorInput(Numbers):
     """One pressure sensor; what is not given is the pump type's own, repeatability a tenth of a given accuracy."""
 
     model_config = ConfigDict(extra="forbid")
@@ -56,7 +56,7 @@ class SensorInput(BaseModel):
     repeatability_percent: Repeatability | None = None
 
 
-class SensorsInput(BaseModel):
+class SensorsInput(Numbers):
     """The pressure sensors; ``reservoir_pressure_bar: null`` where none is fitted."""
 
     model_config = ConfigDict(extra="forbid")
@@ -66,7 +66,7 @@ class SensorsInput(BaseModel):
     case_zero_measured: bool = True
 
 
-class IsolabilityRequest(BaseModel):
+class IsolabilityRequest(Numbers):
     """One study; the defaults are the pump type's own sensors and its own fluid."""
 
     model_config = ConfigDict(
@@ -81,7 +81,7 @@ class IsolabilityRequest(BaseModel):
     baseline_flights: Annotated[int, _within("baseline_flights")] = 30
     flights: Annotated[int, _within("flights")] = 30
     windows_per_flight: Annotated[int, _within("windows_per_flight")] = 1
-    ground_run_flows_lpm: Annotated[list[GroundRunFlow], Field(max_length=MOST_GROUND_RUN_FLOWS)] = []
+    ground_run_flows_lpm: Annotated[list[GroundRunFlow], Field(max_length=MOST_GROUND_RUN_FLOWS)] = []  # noqa: RUF012 - pydantic copies it
     ground_run_every: Annotated[int, _within("ground_run_every")] = 10
     burst: bool = False
     false_alarm_probability: Annotated[FiniteFloat, _within("false_alarm_probability")] = 1.0e-4

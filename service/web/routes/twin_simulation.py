@@ -5,11 +5,12 @@ from typing import Any
 from anyio import CapacityLimiter, to_thread
 from anyio.lowlevel import RunVar
 from fastapi import APIRouter, Response
-from pydantic import BaseModel, ConfigDict, FiniteFloat
+from pydantic import ConfigDict, FiniteFloat
 from starlette.concurrency import run_in_threadpool
 
 from service.access.security import Principal
 from service.answers.twin import Simulation
+from service.bodies import Numbers
 from service.context import Context
 from service.pump_types.circuits import circuits
 from service.pump_types.parameter_sets import types
@@ -25,7 +26,7 @@ AT_ONCE = 2
 _LIMITER: RunVar[CapacityLimiter] = RunVar("simulations")
 
 
-class HealthSchedule(BaseModel):
+class HealthSchedule(Numbers):
     """A health input over time, linear between its points; a step is two points at one instant."""
 
     model_config = ConfigDict(extra="forbid")
@@ -33,7 +34,7 @@ class HealthSchedule(BaseModel):
     value: list[FiniteFloat]
 
 
-class SimulationRequest(BaseModel):
+class SimulationRequest(Numbers):
     """One run; speed and temperature are the pump type's nominal speed and 50 degC where the schedule is silent.
 
     Without ``fluid`` the pump is filled with its type's own.
@@ -56,8 +57,8 @@ class SimulationRequest(BaseModel):
     fluid: str | None = None
     duration_s: FiniteFloat
     sample_rate_hz: FiniteFloat = 1000.0
-    schedule: dict[str, FiniteFloat | list[FiniteFloat]] = {}
-    health: dict[str, FiniteFloat | HealthSchedule] = {}
+    schedule: dict[str, FiniteFloat | list[FiniteFloat]] = {}  # noqa: RUF012 - pydantic copies it
+    health: dict[str, FiniteFloat | HealthSchedule] = {}  # noqa: RUF012
 
 
 @router.post("/simulation", summary="Short run of the transient twin", response_model=Simulation)

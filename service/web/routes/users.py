@@ -1,5 +1,6 @@
 """Users of the pages: made and managed by an admin."""
 
+import secrets
 from datetime import UTC, datetime
 from typing import Annotated
 
@@ -8,14 +9,14 @@ from pydantic import ConfigDict, Field, SecretStr
 from sqlalchemy import select, tuple_
 
 from service.access import audit
-from service.access.security import Role
+from service.access.security import Principal, Role
 from service.access.sessions import end_sessions_of
-from service.access.users import address_faults, new_user, password_faults, set_password, user
+from service.access.users import address_faults, link, new_user, password_faults, set_password, user
 from service.answers.administration import SessionsEnded
 from service.answers.administration import User as Account
 from service.answers.words import Page, instant
 from service.bodies import Body
-from service.errors import Forbidden, Invalid
+from service.errors import Fault, Forbidden, Invalid
 from service.storage.tables import User
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
@@ -27,7 +28,10 @@ Operator = Annotated[str | None, Query(description="Tells namesakes of several o
 
 
 class NewUser(Body):
-    """Somebody who shall sign in; without ``operator`` that of the admin, or every one's."""
+    """Somebody who shall sign in; without ``operator`` that of the admin, or every one's.
+
+    With an ``oidc_subject``, which only an admin of every operator gives, a password is not needed.
+    """
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -35,11 +39,12 @@ class NewUser(Body):
         },
     )
     name: str = Field(max_length=200)
-    password: SecretStr
+    password: SecretStr | None = None
     role: Role
     operator: str | None = Field(default=None, min_length=1, max_length=200)
     email: str | None = Field(default=None, max_length=320)
     wants_mail: bool = False
+    oidc_subject: str | None = Field(default=None, min_length=1, max_length=255)
 
 
 class ChangedUser(Body):
@@ -51,6 +56,7 @@ class ChangedUser(Body):
     email: str | None = Field(default=None, max_length=320)
     wants_mail: bool | None = None
     disabled: bool | None = None
+    oidc_subject: str | None = Field(default=None, min_length=1, max_length=255)
 
 
 @router.get("", summary="List users")
@@ -80,16 +86,24 @@ def make(body: NewUser, context: ContextOf, asker: Asker) -> Account:
     asker.require("admin")
     if asker.operator is not None and body.operator not in (None, asker.operator):
         raise Forbidden(f"an admin of operator {asker.operator} makes users of that operator only")
+    if body.password is None and body.oidc_subject is None:
+        raise Invalid(
+            "1 fault(s); no user was made", [Fault("body.password", "is missing, and no oidc_subject is given")]
+        )
+    if body.oidc_subject is not None:
+        _check_linking(asker)
     with context.database.writing() as session:
         row = new_user(
             session,
             body.name,
-            body.password.get_secret_value(),
+            secrets.token_urlsafe(48) if body.password is None else body.password.get_secret_value(),
             body.role,
             body.operator or asker.operator,
             body.email,
             body.wants_mail,
         )
+        if body.oidc_subject is not None:
+            link(session, row, body.oidc_subject)
         details = {"role": row.role, "operator": row.operator}
         audit.note(session, asker, "user.make", f"user/{row.name}", row.operator, details)
         return _shown(row)
@@ -117,9 +131,12 @@ def change(name: str, body: ChangedUser, context: ContextOf, asker: Asker, opera
             row.email = body.email
         if body.wants_mail is not None:
             row.wants_mail = body.wants_mail
+        if "oidc_subject" in wanted:
+            _check_linking(asker)
+            link(session, row, body.oidc_subject)
         if body.disabled is not None:
             row.disabled_at = (row.disabled_at or datetime.now(UTC)) if body.disabled else None
-        if body.password is not None or body.disabled:
+        if body.password is not None or body.disabled or "oidc_subject" in wanted:
             end_sessions_of(session, row)
         changed = {k: v for k, v in wanted.items() if k != "password"}
         details = {"changed": sorted(wanted), **changed}
@@ -138,6 +155,12 @@ def sign_out(name: str, context: ContextOf, asker: Asker, operator: Operator = N
         return {"ended": ended}
 
 
+def _check_linking(asker: Principal) -> None:
+    """Subjects are unique over all operators: whoever sees one of them only must not learn of the others'."""
+    if asker.operator is not None:
+        raise Forbidden("accounts elsewhere are linked by an admin who sees every operator")
+
+
 def _shown(row: User) -> Account:
     return {
         "name": row.name,
@@ -148,4 +171,5 @@ def _shown(row: User) -> Account:
         "created_at": instant(row.created_at),
         "disabled_at": instant(row.disabled_at),
         "last_signed_in_at": instant(row.last_signed_in_at),
+        "oidc_subject": row.oidc_subject,
     }
