@@ -189,6 +189,14 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", f"{API}/fleet/ranking"): Entry("viewer", f"{API}/fleet/ranking"),
     ("GET", f"{API}/fleet/trend"): Entry("viewer", f"{API}/fleet/trend?metric=case_residual_bar&group_by=operator"),
     ("GET", f"{API}/alarms"): Entry("viewer", f"{API}/alarms"),
+    ("GET", f"{API}/alarms/statistics"): Entry("viewer", f"{API}/alarms/statistics"),
+    ("POST", f"{API}/alarms/actions"): Entry(
+        "analyst", f"{API}/alarms/actions", body={"alarms": ["{alarm}"], "action": "comment", "reason": "seen"}
+    ),
+    ("PATCH", f"{API}/alarms/{{alarm_id}}"): Entry("analyst", f"{API}/alarms/{{alarm}}", True, {"assignee": "line 2"}),
+    ("POST", f"{API}/alarms/{{alarm_id}}/comments"): Entry(
+        "analyst", f"{API}/alarms/{{alarm}}/comments", True, {"text": "oil analysis asked for"}
+    ),
     ("GET", f"{API}/alarms/{{alarm_id}}"): Entry("viewer", f"{API}/alarms/{{alarm}}", True),
     ("POST", f"{API}/alarms/{{alarm_id}}/acknowledge"): Entry("analyst", f"{API}/alarms/{{alarm}}/acknowledge", True),
     ("POST", f"{API}/alarms/{{alarm_id}}/shelve"): Entry(
@@ -240,6 +248,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", "/records"): Entry(PAGE, "/records"),
     ("GET", "/records/{record_id}"): Entry(PAGE, "/records/{record}", True),
     ("GET", "/alarms"): Entry(PAGE, "/alarms"),
+    ("GET", "/alarms/statistics"): Entry(PAGE, "/alarms/statistics"),
+    ("GET", "/alarms/{alarm_id}"): Entry(PAGE, "/alarms/{alarm}", True),
     ("GET", "/thresholds"): Entry(PAGE, "/thresholds?scope=operator&id={operator}", True),
     ("GET", "/upload"): Entry(PAGE, "/upload", page_role="analyst"),
     ("GET", "/keys"): Entry(PAGE, "/keys", page_role="admin"),
@@ -314,6 +324,8 @@ def filled(value: Any, names: Mapping[str, str]) -> Any:
         for name, text in names.items():
             value = value.replace(f"{{{name}}}", text)
         return value
+    if isinstance(value, list):
+        return [filled(v, names) for v in value]
     return {k: filled(v, names) for k, v in value.items()} if isinstance(value, dict) else value
 
 
