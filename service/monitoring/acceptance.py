@@ -21,6 +21,7 @@ from service.history.archive import Archive, RegisteredType
 from service.history.arrival import known_aircraft
 from service.history.knowledge import setting_of
 from service.history.neighbours import look_alikes, newly_contradicted
+from service.history.overview import overview_of
 from service.identity import release_number
 from service.ingest.decode import DEFAULT_PUMP_TYPE, DecodedRecord, FullScales
 from service.ingest.mapping_version import MappingVersion
@@ -248,7 +249,7 @@ class Acceptance:
             thresholds = thresholds_of(session, operator, serial, name)
             setting = setting_of(session, operator, serial, metadata.aircraft, metadata.position, started_at)
         # the long part comes before the lock; what changes meanwhile, the fold notices by the key
-        analysis = analysed(decoded.recording, kind, setting, thresholds)
+        analysis, overview = analysed(decoded.recording, kind, setting, thresholds), overview_of(decoded.recording)
         cause, others = Cause("record_received", record_id), set[int]()
         try:
             with self._database.writing() as session:
@@ -277,6 +278,7 @@ class Acceptance:
                 mapping = MappingVersion.from_json(row.request["mapping"]) if row.request.get("mapping") else None
                 row.identity_hash = _identity_hash(operator, row.content_hash, decoded, mapping)
                 keep_analysis(row, analysis)
+                row.overview = overview
                 row.status, row.waits_for = ANALYSED, None
                 session.flush()
                 refold(session, pump, self._archive, cause)

@@ -30,6 +30,8 @@ SECURITY_HEADERS = {
     "Referrer-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+_WITH_CHARTS = frozenset({"pump.html", "record.html"})
+"""Templates that load our own script for cursor and zoom; no other page may run any."""
 NAVIGATION: tuple[tuple[str, str, str], ...] = (
     ("/", "Fleet", "viewer"),
     ("/alarms", "Alarms", "viewer"),
@@ -104,7 +106,10 @@ def _rendered(
         "now": local(datetime.now(UTC)),
     }
     text = _templates.get_template(template).render({**frame, **values})
-    return HTMLResponse(text, status_code=status, headers=SECURITY_HEADERS)
+    headers = dict(SECURITY_HEADERS)
+    if template in _WITH_CHARTS:
+        headers["Content-Security-Policy"] += "; script-src 'self'"
+    return HTMLResponse(text, status_code=status, headers=headers)
 
 
 def local(instant: datetime) -> str:
