@@ -4,13 +4,12 @@ import math
 from datetime import datetime
 from typing import Literal
 
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
 from service.answers.fleet import FleetTrendPoint, TrendGroup
 from service.answers.words import instant
-from service.reading.trend import thinned
+from service.reading.trend import ZERO, between, estimated, select_values, thinned
 from service.storage.tables import Pump, Record, StoredAssessment
 
 GroupBy = Literal["pump_type", "operator", "position", "aircraft", "age"]
@@ -41,37 +40,26 @@ def fleet_trend(
     By age a pump passes from group to group as it flies: what pumps of the same flight hours show lies together.
     """
     group = _COLUMNS[group_by]
-    query = (
-        select(
-            group,
-            StoredAssessment.at,
-            StoredAssessment.trend[metric],
-            StoredAssessment.record_id,
-            Pump.serial,
-            Pump.operator,
-        )
-        .join(Pump, Pump.id == StoredAssessment.pump_id)
-        .order_by(StoredAssessment.at, StoredAssessment.record_id)
-    )
-    if group_by == "age":
+    kept = StoredAssessment
+    query = select_values(metric, group, kept.at, kept.record_id, Pump.serial, Pump.operator)
+    query = query.join(Pump, Pump.id == kept.pump_id)
+    if group_by == "age" and metric != ZERO:
         query = query.join(Record, Record.id == StoredAssessment.record_id)
     if principal.operator is not None:
         query = query.where(Pump.operator == principal.operator)
-    if since is not None:
-        query = query.where(StoredAssessment.at >= since)
-    if until is not None:
-        query = query.where(StoredAssessment.at < until)
+    query = between(query, since, until)
     found: dict[tuple[float, str], list[FleetTrendPoint]] = {}
-    for of, at, value, record_id, serial, operator in session.execute(query.execution_options(yield_per=_ROWS_AT_ONCE)):
-        if not value or value["mean"] is None:
+    for of, at, record_id, serial, operator, value in session.execute(query.execution_options(yield_per=_ROWS_AT_ONCE)):
+        estimate = estimated(metric, value)
+        if estimate is None:
             continue
         items = found.setdefault(_age_band(of) if group_by == "age" else (0.0, of or ""), [])
         items.append(
             {
                 "at": instant(at),
-                "value": value["mean"],
-                "low": value["low"],
-                "high": value["high"],
+                "value": estimate[0],
+                "low": estimate[1],
+                "high": estimate[2],
                 "record_id": record_id,
                 "pump_serial": serial,
                 "operator": operator,

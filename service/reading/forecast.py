@@ -51,7 +51,7 @@ class TrendPoint:
 def with_crossing(session: Session, pump: Pump, verdict: Verdict, at: datetime | None = None) -> Verdict:
     """A stored verdict with the chance of crossing the limit before the next inspection, as of an event time."""
     thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values
-    rows = [r for r in queries.trends_of_records(session, pump.id) if at is None or r.at <= at]
+    rows = [r for r in queries.trends_of_records(session, pump.id, METRIC) if at is None or r.at <= at]
     return crossed(verdict, rows, changes(installation_intervals(session, pump.id)), thresholds)
 
 
@@ -95,8 +95,19 @@ def forecast_of(session: Session, pump: Pump) -> Forecasted:
     """Forecast in the shape of the API: flight hours with their 90 % interval, or the reason why there are none."""
     limit = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values["case_flow_limit_lpm"]
     entered = changes(installation_intervals(session, pump.id))
-    rows = _since_installation(queries.trends_of_records(session, pump.id), entered)
-    points = [p for p in map(_point, rows) if p is not None]
+    return _forecasted(queries.trends_of_records(session, pump.id, METRIC), entered, limit)
+
+
+def forecast_and_crossing(session: Session, pump: Pump, verdict: Verdict) -> tuple[Forecasted, Verdict]:
+    """What ``forecast_of`` and ``with_crossing`` give now, from one reading of the pump's records."""
+    thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values
+    entered = changes(installation_intervals(session, pump.id))
+    rows = queries.trends_of_records(session, pump.id, METRIC)
+    return _forecasted(rows, entered, thresholds["case_flow_limit_lpm"]), crossed(verdict, rows, entered, thresholds)
+
+
+def _forecasted(records: Sequence[TrendOfRecord], entered: Sequence[datetime], limit: float) -> Forecasted:
+    points = [p for p in map(_point, _since_installation(records, entered)) if p is not None]
     found = forecast_of_trend(points, limit)
     document: Forecasted = {
         "flight_hours": None,
