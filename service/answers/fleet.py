@@ -33,8 +33,12 @@ class FleetSummary(TypedDict):
     """Number of pumps by the state of their verdict (counts)."""
     by_side: dict[str, int]
     """Number of pumps by the side of their verdict (counts)."""
+    attention_pumps: int
+    """Number of pumps that want attention (a count)."""
     attention: list[Pump]
     """Pumps that want attention, the most urgent first."""
+    silent_pumps: int
+    """Number of pumps that have sent nothing for unusually long (a count)."""
     silent: list[Pump]
     """Pumps that have sent nothing for unusually long."""
     findings: Agreement

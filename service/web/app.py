@@ -26,6 +26,7 @@ from service.web.api_document.page import docs_router
 from service.web.dashboard.frame import STATIC
 from service.web.dashboard.routers import dashboard_router
 from service.web.edge import Edge
+from service.web.foreign import Foreign
 from service.web.problems import handle_problems
 from service.web.routes import (
     aircraft,
@@ -56,6 +57,7 @@ from service.web.routes import (
 )
 from service.web.routes import twin as twin_routes
 from service.web.whole_names import WholeNames, whole_names
+from service.web.wire import Wire
 
 _DAY_S = 86_400.0
 _LOOK_S = 20.0
@@ -132,6 +134,8 @@ def create_app(settings: Settings) -> FastAPI:
     app.mount("/static", STATIC, name="static")
     handle_problems(app)
     app.add_middleware(WholeNames)
+    app.add_middleware(Foreign)
+    app.add_middleware(Wire)
     app.add_middleware(Edge)
     return app
 

@@ -94,6 +94,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", f"{API}/pumps/{{serial}}/damage-identification-curve"): Entry(
         "viewer", f"{API}/pumps/{{pump}}/damage-identification-curve", True
     ),
+    ("GET", f"{API}/pumps/{{serial}}/state.svg"): Entry("viewer", f"{API}/pumps/{{pump}}/state.svg", True),
     ("DELETE", f"{API}/records/{{record_id}}"): Entry("analyst", f"{API}/records/{{record}}?reason=mistaken", True),
     ("GET", f"{API}/pumps/{{serial}}/verdicts/revisions"): Entry("viewer", f"{_ENTRIES}/verdicts/revisions", True),
     ("POST", f"{API}/pumps"): Entry("engineer", f"{API}/pumps", body={"serial": "P-new"}),
@@ -245,6 +246,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", f"{API}/twin/simulation"): Entry("viewer", f"{API}/twin/simulation", body=_RUN),
     ("GET", "/"): Entry(PAGE, "/"),
     ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
+    ("GET", "/pumps/{serial}/curve.svg"): Entry(PAGE, "/pumps/{pump}/curve.svg", True),
     ("GET", "/records"): Entry(PAGE, "/records"),
     ("GET", "/records/{record_id}"): Entry(PAGE, "/records/{record}", True),
     ("GET", "/alarms"): Entry(PAGE, "/alarms"),
@@ -297,6 +299,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", "/registry/aircraft"): Entry(OPEN, "/registry/aircraft"),
     ("POST", "/registry/aircraft/{name}"): Entry(OPEN, "/registry/aircraft/{aircraft}"),
     ("POST", "/registry/aircraft/{name}/sensors"): Entry(OPEN, "/registry/aircraft/{aircraft}/sensors"),
+    ("POST", "/records/{record_id}/marks"): Entry(OPEN, "/records/{record}/marks"),
+    ("POST", "/records/{record_id}/marks/{mark_id}/withdraw"): Entry(OPEN, "/records/{record}/marks/{mark}/withdraw"),
     ("POST", "/records/{record_id}/withdraw"): Entry(OPEN, "/records/{record}/withdraw"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),

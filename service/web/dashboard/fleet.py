@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from service.answers.pumps import RankedPump, TrendPoint
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
-from service.reading.fleet import pump_documents
+from service.reading.fleet import pumps_standing
 from service.reading.ranking import ranked
 from service.reports.charts import sparkline_svg
 from service.reports.words import WORDS
@@ -39,7 +39,7 @@ def fleet_page(
     """Pumps in the order of the ranking, a hundred a page; ``search`` looks into serials, aircraft and operators."""
     with context.database.reading() as session:
         rows = list(session.scalars(queries.pumps(asker)))
-        everyone = ranked(session, rows, pump_documents(session, rows))
+        everyone = ranked(session, rows, *pumps_standing(session, rows))
         wanted = [p for p in everyone if _fits(p, filters) and _found(p, search)]
         last = max(1, -(-len(wanted) // _PUMPS_PER_PAGE))
         page = min(max(page, 1), last)
