@@ -247,6 +247,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", "/"): Entry(PAGE, "/"),
     ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
     ("GET", "/pumps/{serial}/curve.svg"): Entry(PAGE, "/pumps/{pump}/curve.svg", True),
+    ("GET", "/preferences"): Entry(PAGE, "/preferences"),
+    ("POST", "/preferences"): Entry(OPEN, "/preferences"),
     ("GET", "/records"): Entry(PAGE, "/records"),
     ("GET", "/records/{record_id}"): Entry(PAGE, "/records/{record}", True),
     ("GET", "/alarms"): Entry(PAGE, "/alarms"),

@@ -19,6 +19,7 @@ from service.answers.problems import Problem as Told
 from service.errors import NotFound, Unauthenticated
 from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 from service.web.answer_route import AnswerRoute
+from service.web.dashboard import preferences
 from service.web.dashboard.links import address, api_address, pump_address
 from service.web.dependencies import context_of, visitor_of
 
@@ -66,7 +67,7 @@ _templates.globals |= {
     "api_address": api_address,
     "pump_address": pump_address,
 }
-_templates.filters |= FILTERS
+_templates.filters |= {**FILTERS, **preferences.FILTERS}
 
 
 class PageRoute(AnswerRoute):
@@ -104,12 +105,22 @@ def _rendered(
             if asker is not None and asker.may(role)
         ],
         "now": local(datetime.now(UTC)),
+        "zone": preferences.zone_of(values["request"]),
+        "choose": address("preferences", query={"back": _again(values["request"])}),
     }
-    text = _templates.get_template(template).render({**frame, **values})
+    with preferences.spoken_in(frame["zone"]):
+        text = _templates.get_template(template).render({**frame, **values})
     headers = dict(SECURITY_HEADERS)
     if template in _WITH_CHARTS:
         headers["Content-Security-Policy"] += "; script-src 'self'"
     return HTMLResponse(text, status_code=status, headers=headers)
+
+
+def _again(request: Request) -> str | None:
+    """The page itself, for the way back from somewhere else; a form is not sent again."""
+    if request.method != "GET" or request.url.path == "/preferences":
+        return None
+    return request.url.path + (f"?{request.url.query}" if request.url.query else "")
 
 
 def local(instant: datetime) -> str:
