@@ -27,7 +27,7 @@ from tests.service.records import document
 from tests.service.stored_records import store
 from tests.service.test_statements import statements
 
-N_RECORDS, FLEETS, LIVES = 200, (300, 1500), (1_230, 10_000)
+N_RECORDS, FLEETS, LIVES = 100, (300, 1500), (1_230, 10_000)
 _REPEATS = 15
 _COPIES = """
 insert into pumps select (p).* from (

@@ -23,6 +23,7 @@ from service.answers.verdicts import Crossing, Verdict
 from service.history.knowledge import installation_intervals
 from service.history.placement import changes
 from service.reading import queries
+from service.reading.by_link import ByLink
 from service.reading.queries import TrendOfRecord
 from service.storage.tables import Pump
 from service.thresholds.layers import thresholds_of
@@ -37,6 +38,9 @@ _NODES = ((-1.7320508, 1.0 / 6.0), (0.0, 2.0 / 3.0), (1.7320508, 1.0 / 6.0))
 """Gauss-Hermite nodes of a standard normal error, and their shares."""
 _TAIL = 0.05
 """Probability on either side of the interval that is shown: 90 % as everywhere."""
+
+
+_kept: ByLink[tuple[Forecasted, Crossing | None]] = ByLink(2000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +103,24 @@ def forecast_of(session: Session, pump: Pump) -> Forecasted:
 
 
 def forecast_and_crossing(session: Session, pump: Pump, verdict: Verdict) -> tuple[Forecasted, Verdict]:
-    """What ``forecast_of`` and ``with_crossing`` give now, from one reading of the pump's records."""
+    """What ``forecast_of`` and ``with_crossing`` give now, from one reading of the pump's records for each state of them."""
     thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values
     entered = changes(installation_intervals(session, pump.id))
-    rows = queries.trends_of_records(session, pump.id, METRIC)
-    return _forecasted(rows, entered, thresholds["case_flow_limit_lpm"]), crossed(verdict, rows, entered, thresholds)
+    limit, interval = thresholds["case_flow_limit_lpm"], thresholds["inspection_interval_h"]
+
+    def read(pump_ids: list[int]) -> dict[int, tuple[Forecasted, Crossing | None]]:
+        rows = queries.trends_of_records(session, pump.id, METRIC)
+        return {
+            i: (_forecasted(rows, entered, limit), crossed(verdict, rows, entered, thresholds)["crossing"])
+            for i in pump_ids
+        }
+
+    given = repr((limit, interval, entered, verdict.get("probability_beyond_limit")))
+    found = _kept.of(session, [pump.id], read, given)
+    if pump.id not in found:
+        return _forecasted([], entered, limit), crossed(verdict, [], entered, thresholds)
+    forecast, crossing = found[pump.id]
+    return forecast, {**verdict, "crossing": crossing}
 
 
 def _forecasted(records: Sequence[TrendOfRecord], entered: Sequence[datetime], limit: float) -> Forecasted:

@@ -1,24 +1,17 @@
-"""How each pump of a fleet stands by its newest record: read once for every state of its history, not for every question.
+"""How each pump of a fleet stands by its newest record: read once for every state of its history, not for every question."""
 
-An assessment carries its link in the chain of all that it was folded from. What follows from a pump's history alone is
-kept in this process under that link: a later question asks the database for links only. Whatever changes a history
-changes its last link, in this process or in another one.
-"""
-
-from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from threading import Lock
 from typing import Any
 
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.answers.verdicts import Verdict
 from service.reading import queries
+from service.reading.by_link import ByLink
 from service.reading.silence import unusual_from
-from service.storage.tables import StoredAssessment, case_pressure_beyond
+from service.storage.tables import case_pressure_beyond
 
 _MOST = 20_000
 """Pumps that a process remembers (our choice: some 3 kB each)."""
@@ -51,38 +44,12 @@ class Standing:
     case_pressure_beyond: bool
 
 
-_Key = tuple[str, int, str, str]
-_kept: OrderedDict[_Key, Standing] = OrderedDict()
-_lock = Lock()
+_kept: ByLink[Standing] = ByLink(_MOST)
 
 
 def standings(session: Session, pump_ids: Sequence[int]) -> dict[int, Standing]:
     """Standing of every pump that has a record, by the pump's number."""
-    kept = StoredAssessment
-    links = select(kept.pump_id, kept.record_id, kept.chain).where(kept.record_id.in_(queries.newest_records(pump_ids)))
-    place = str(session.get_bind().engine.url)
-    found: dict[int, Standing] = {}
-    unknown: dict[int, _Key | None] = {}
-    newest = session.execute(links).all()
-    with _lock:
-        for pump_id, record_id, chain in newest:
-            key = None if chain is None else (place, pump_id, record_id, chain)
-            if key is not None and key in _kept:
-                _kept.move_to_end(key)
-                found[pump_id] = _kept[key]
-            else:
-                unknown[pump_id] = key
-    if not unknown:
-        return found
-    read = _read(session, list(unknown))
-    with _lock:
-        for pump_id, standing in read.items():
-            key = unknown[pump_id]
-            if key is not None and key[2] == standing.record_id:
-                _kept[key] = standing
-        while len(_kept) > _MOST:
-            _kept.popitem(last=False)
-    return found | read
+    return _kept.of(session, pump_ids, lambda ids: _read(session, ids))
 
 
 def _read(session: Session, pump_ids: Sequence[int]) -> dict[int, Standing]:

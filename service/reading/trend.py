@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, TypeVar
 
-from sqlalchemy import ColumnElement, Select, select
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import ColumnElement, Select, case, select
 from sqlalchemy.orm import Session
 
 from detectors.words.numbers import Z_90
@@ -38,6 +40,17 @@ def check_metric(metric: str) -> None:
 def value_of(metric: str) -> ColumnElement[Any]:
     """Column that holds a metric of an assessment; that of the zero needs the record, joined."""
     return Record.reduction["zero"] if metric == ZERO else StoredAssessment.trend[metric]
+
+
+def numbers_of(metric: str) -> tuple[ColumnElement[Any], ColumnElement[Any], ColumnElement[Any]]:
+    """Value and 90 % interval of a metric, taken out by the database; NULL where there is none."""
+    held = value_of(metric)
+    if metric != ZERO:
+        mean, low, high = (held[part].as_float() for part in ("mean", "low", "high"))
+        return mean, low, high
+    offset = case((held["measured"].as_boolean(), held["offset_bar"].as_float()), else_=None)
+    half = Z_90 * held["standard_deviation_bar"].as_float()
+    return offset, offset - half, offset + half
 
 
 def select_values(metric: str, *columns: Any) -> Select[*tuple[Any, ...]]:
@@ -145,12 +158,19 @@ def thinned(items: Sequence[Point], most: int) -> list[Point]:
     """Every bucket's lowest and highest point, with the first and the last point of all, in order."""
     if len(items) <= most:
         return list(items)
+    return [items[i] for i in kept_places(np.array([item["value"] for item in items]), most)]
+
+
+def kept_places(values: NDArray[np.float64], most: int) -> list[int]:
+    """Places that ``thinned`` keeps of values in event order."""
+    if len(values) <= most:
+        return list(range(len(values)))
     n_buckets = max(1, (most - 2) // 2)
-    size = (len(items) - 2) / n_buckets
-    keep = {0, len(items) - 1}
+    size = (len(values) - 2) / n_buckets
+    keep = {0, len(values) - 1}
     for k in range(n_buckets):
-        places = range(1 + int(k * size), 1 + int((k + 1) * size))
-        if places:
-            keep.add(min(places, key=lambda i: items[i]["value"]))
-            keep.add(max(places, key=lambda i: items[i]["value"]))
-    return [items[i] for i in sorted(keep)]
+        first, end = 1 + int(k * size), 1 + int((k + 1) * size)
+        if first < end:
+            keep.add(first + int(values[first:end].argmin()))
+            keep.add(first + int(values[first:end].argmax()))
+    return sorted(keep)

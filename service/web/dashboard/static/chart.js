@@ -18,7 +18,8 @@
     const svg = figure.querySelector("svg"), output = figure.querySelector("output");
     const panels = [...svg.querySelectorAll("g.panel")].map((g) => {
       const h = Object.fromEntries(["x0", "x1", "y0", "y1", "left", "right", "top", "bottom"].map((n) => [n, +g.dataset[n]]));
-      const lines = [...g.querySelectorAll("path[data-name]")].map((p) => ({ name: p.dataset.name, places: numbers(p.getAttribute("d")) }));
+      const lines = [...g.querySelectorAll("path[data-name]")].map((p) => ({ name: p.dataset.name, places: numbers(p.getAttribute("d")) }))
+        .sort((a, b) => (b.name === "this pump") - (a.name === "this pump"));
       return { ...h, unit: g.dataset.unit, lines };
     });
     if (!panels.length) return;
