@@ -118,9 +118,14 @@ def _rendered(
 
 def _again(request: Request) -> str | None:
     """The page itself, for the way back from somewhere else; a form is not sent again."""
-    if request.method != "GET" or request.url.path == "/preferences":
-        return None
-    return request.url.path + (f"?{request.url.query}" if request.url.query else "")
+    return None if request.method != "GET" or request.url.path == "/preferences" else _asked_for(request)
+
+
+def _asked_for(request: Request) -> str:
+    """Path and query as they were asked for: names in them keep their quoting, and with it their slashes."""
+    raw: bytes = request.scope.get("raw_path") or request.url.path.encode("utf-8", "replace")
+    path = raw.partition(b"?")[0].decode("ascii", "replace")
+    return path + (f"?{request.url.query}" if request.url.query else "")
 
 
 def local(instant: datetime) -> str:
@@ -163,6 +168,6 @@ def problem_page(request: Request, told: Told, headers: Mapping[str, str]) -> Re
 
 def sign_in_address(request: Request) -> str:
     """Where to sign in, with the page that was asked for; forms are not sent a second time."""
-    wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+    wanted = _asked_for(request)
     is_read = request.method in ("GET", "HEAD")
     return address("sign-in", query={"next": wanted if is_read and wanted != "/" else None})

@@ -62,7 +62,7 @@ class Planned(Body):
 
     model_config = ConfigDict(
         json_schema_extra={
-            "examples": [{"assignee": "line 2", "due_at": "2999-05-08T12:00:00Z", "work_order": "WO-4711"}]
+            "examples": [{"assignee": "line 2", "due_at": "2099-05-08T12:00:00Z", "work_order": "WO-4711"}]
         }
     )
     assignee: Annotated[Name | None, Field(description="Who sees to it")] = None
