@@ -1,17 +1,18 @@
 """Report: what an operator prints for a maintenance meeting, of all pumps or of one."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from fastapi.encoders import jsonable_encoder
 from pydantic import Field
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.job_documents import FleetReport
 from service.answers.jobs import JobResult
+from service.answers.words import instant
 from service.errors import Fault, Invalid, NotFound
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.jobs.products import keep
@@ -77,18 +78,18 @@ class Report(Kind[ReportParameters, list[int]]):
             whole = overview(session, work.principal, rows, period)
             chapters = [pump_chapter(session, work.principal, row, period) for row in rows]
         subject = parameters.pump or work.operator or "all operators"
+        document: FleetReport = {
+            **whole,
+            "subject": subject,
+            "since": instant(period.since),
+            "until": instant(period.until),
+            "pumps": chapters,
+        }
         documents = {
             "html": report_html(subject, period, whole, chapters, work.principal.owner),
-            "json": json.dumps(_numbers(subject, period, whole, chapters), indent=1) + "\n",
+            "json": json.dumps(jsonable_encoder(document), indent=1) + "\n",
         }
         return {"counts": counts, "files": keep(work, documents)}
-
-
-def _numbers(subject: str, period: Period, whole: dict[str, Any], chapters: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    document: dict[str, Any] = jsonable_encoder(
-        {"subject": subject, "since": period.since, "until": period.until, **whole, "pumps": list(chapters)}
-    )
-    return document
 
 
 def _anybody(operator: str | None) -> Principal:

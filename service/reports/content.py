@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
 from service.alarms import reading
+from service.answers.job_documents import FleetOverview, ReportedPump
 from service.answers.words import instant
 from service.history.knowledge import entries
 from service.reading import queries
@@ -39,7 +39,7 @@ class Period:
         return self.since <= at < self.until
 
 
-def overview(session: Session, principal: Principal, rows: Sequence[Pump], period: Period) -> dict[str, Any]:
+def overview(session: Session, principal: Principal, rows: Sequence[Pump], period: Period) -> FleetOverview:
     """The fleet as it stands now, ranked with reasons, and how often the workshop agreed; alarms of the period."""
     ranking = ranked(session, rows, *pumps_standing(session, rows))
     ids = {row.id for row in rows}
@@ -57,7 +57,7 @@ def overview(session: Session, principal: Principal, rows: Sequence[Pump], perio
     }
 
 
-def pump_chapter(session: Session, principal: Principal, row: Pump, period: Period) -> dict[str, Any]:
+def pump_chapter(session: Session, principal: Principal, row: Pump, period: Period) -> ReportedPump:
     """One pump: verdict now, forecast, trends, changes of verdict, alarms and findings of the period."""
     assessments = list(session.scalars(queries.assessments(row.id)))
     limit = thresholds_of(session, row.operator, row.serial, row.pump_type).values["case_flow_limit_lpm"]

@@ -98,6 +98,7 @@ def log_odds(verdicts: list[Verdict], right: State, wrong: State) -> np.ndarray:
     return np.log(np.maximum(p[:, 0], 1e-4)) - np.log(np.maximum(p[:, 1], 1e-4))
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("course", "right", "wrong"),
     [

@@ -13,7 +13,9 @@ from service.access import users
 from service.demo.fleet import PUMPS, DemoRecord, pump_records
 from service.settings import Settings
 from service.web.answer_route import Checking
+from tests.conftest import KINDS
 from tests.service import lent_application
+from tests.service.kept_histories import KeptHistories
 from tests.service.lent_application import lent
 
 REAL_HASHER = users._hasher
@@ -71,3 +73,32 @@ def worn_records() -> list[DemoRecord]:
 @pytest.fixture(scope="session")
 def healthy_records() -> list[DemoRecord]:
     return list(pump_records(HEALTHY, 12, seed=1))
+
+
+@pytest.fixture(scope="session")
+def kept_histories(request: pytest.FixtureRequest, new_settings: Callable[..., Settings]) -> KeptHistories:
+    return KeptHistories(new_settings, lambda: str(request.getfixturevalue("postgres_cluster")))
+
+
+@pytest.fixture(params=KINDS)
+def worn_settings(
+    request: pytest.FixtureRequest, kept_histories: KeptHistories, worn_records: list[DemoRecord], tmp_path: Path
+) -> Settings:
+    """Settings of a service of each kind to which ``worn_records`` have been uploaded."""
+    return kept_histories.copied(request.param, worn_records, tmp_path)
+
+
+@pytest.fixture
+def worn_client(worn_settings: Settings) -> Iterator[TestClient]:
+    """A client of a service to which ``worn_records`` have been uploaded."""
+    with lent(worn_settings) as running:
+        yield running
+
+
+@pytest.fixture(params=KINDS)
+def healthy_client(
+    request: pytest.FixtureRequest, kept_histories: KeptHistories, healthy_records: list[DemoRecord], tmp_path: Path
+) -> Iterator[TestClient]:
+    """A client of a service to which ``healthy_records`` have been uploaded."""
+    with lent(kept_histories.copied(request.param, healthy_records, tmp_path)) as running:
+        yield running

@@ -48,6 +48,7 @@ def residuals(arguments: list[str]) -> dict[str, dict[str, float]]:
     return found
 
 
+@pytest.mark.study
 def test_the_guide_goes_all_the_way(folder: Path, client: TestClient) -> None:
     assert "seven.toml" in ran(commands("pump"))
     text = (folder / "seven.toml").read_text()

@@ -31,11 +31,11 @@ _UNIT = re.compile(
 
 
 def answers() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Every JSON answer of every call with its schema; what a job leaves is a document of its kind."""
+    """Every JSON answer of every call with its schema."""
     for method, path, operation in operations(COMMITTED):
         for status, response in operation["responses"].items():
             content = response.get("content", {}).get("application/json")
-            if status.startswith("2") and content is not None and not path.endswith(("/result", "/raw")):
+            if status.startswith("2") and content is not None and not path.endswith("/raw"):
                 yield f"{method} {path} {status}", content.get("schema", {})
 
 

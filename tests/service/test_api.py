@@ -56,8 +56,10 @@ class TestPump:
         assert sum(verdict["probabilities"].values()) == pytest.approx(1.0)
         assert verdict["confidence"] == max(verdict["probabilities"].values())
         assert verdict["since"].endswith("Z")
-        for estimate in verdict["estimates"].values():
-            assert estimate["low"] <= estimate["mean"] <= estimate["high"]
+        # nothing changed on this pump: each 90 % interval of a change holds zero
+        changes = {name: found for name, found in verdict["estimates"].items() if "change" in name}
+        assert len(changes) == 4
+        assert all(found["low"] < 0.0 < found["high"] for found in changes.values())
 
     @pytest.mark.parametrize("metric", TREND_METRICS)
     def test_trend(self, client: TestClient, serial: str, metric: str) -> None:
@@ -68,9 +70,23 @@ class TestPump:
         assert instants == sorted(instants)
         changes = metric.endswith(("change_lpm", "change_bar", "change_percent"))
         assert len(instants) == (12 - 7 if changes else 12)
+        estimates = client.get(f"{API}/pumps/{serial}/verdict").json()["estimates"]
+        if metric in estimates:
+            newest = trend["items"][-1]
+            assert [newest[n] for n in ("value", "low", "high")] == [
+                estimates[metric][n] for n in ("mean", "low", "high")
+            ]
+        channel = {"case_residual_bar": "case_pressure_bar", "discharge_residual_bar": "discharge_pressure_bar"}
         for item in trend["items"]:
-            assert item["low"] <= item["value"] <= item["high"]
-            assert client.get(f"{API}/records/{item['record_id']}").status_code == 200
+            record = client.get(f"{API}/records/{item['record_id']}").json()
+            if metric in channel:
+                (window,) = [w for w in record["windows"] if w["kind"] == "zero_flow" and w["accepted"]]
+                residual = window["residuals"][channel[metric]]
+                assert item["value"] == pytest.approx(residual["residual"], rel=1e-9)
+                sigma = residual["standard_deviation"]
+                assert (item["low"], item["high"]) == pytest.approx(
+                    (item["value"] - 1.6449 * sigma, item["value"] + 1.6449 * sigma), abs=1e-4
+                )
 
     def test_thinning_keeps_extremes_and_ends(self, client: TestClient, serial: str) -> None:
         url = f"{API}/pumps/{serial}/trend"

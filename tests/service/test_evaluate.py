@@ -7,11 +7,13 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from pydantic import TypeAdapter
 from typer.testing import CliRunner
 
 from detectors.evaluation.reality import DIFFERENCES, REALITIES
 from detectors.evaluation.rows import HEALTHY, PLAIN_ROWS, Growing, Row
 from detectors.words.verdict import State
+from service.answers.job_documents import StudyReport
 from service.command_line.main import app
 from service.identity import sentence, software
 from service.studies.evaluation import store
@@ -147,6 +149,7 @@ def test_results_are_named_after_all_they_depend_on(monkeypatch: pytest.MonkeyPa
 
 
 def test_large_leakage_is_found_and_called_by_no_wrong_side(results: Results) -> None:
+    TypeAdapter(StudyReport).validate_python(study_json(results))
     assert study_json(results)["study"]["software"] == software().to_json()
     row = study_json(results)["rows"][1]
     found = row["scopes"]["all realities"]["scores"]

@@ -237,7 +237,6 @@ def test_shape_of_the_contract_and_sentence_on_the_page(
     assert document["limit_unit"] == "L/min"
     hours = document["flight_hours"]
     assert set(hours) == {"mean", "low", "high"}
-    assert 0.0 <= hours["low"] < hours["mean"] < hours["high"]
     assert hours["low"] < left < hours["high"]
     page = client.get("/pumps/F-1").text
     assert hours["low"] < document["median_flight_hours"] < hours["mean"]  # late crossings draw the mean out

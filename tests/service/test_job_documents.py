@@ -5,7 +5,9 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from pydantic import TypeAdapter
 
+from service.answers.job_documents import FleetReport
 from service.errors import Unavailable
 from tests.detectors.fleet import FAULTS, history
 from tests.service.finished_job import finished
@@ -37,6 +39,7 @@ def test_a_report_of_one_operator_as_page_and_numbers(fleet: TestClient) -> None
     numbers = fleet.get(f"{API}/jobs/{whole['id']}/result", params={"format": "json"})
     assert numbers.headers["content-type"] == "application/json"
     document = numbers.json()
+    TypeAdapter(FleetReport).validate_python(document)
     assert [item["serial"] for item in document["ranking"]] == ["N-1", "N-2"]  # the worn one first
     assert document["ranking"][0]["reasons"]
     verdict = fleet.get(f"{API}/pumps/N-1/verdict").json()

@@ -301,6 +301,7 @@ def start_worker(settings: Settings, workers: list[subprocess.Popen[str]]) -> su
     return process
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)  # on Postgres: the test of several workers
 def test_kill_9_in_the_middle_costs_nothing(settings: Settings, workers: list[subprocess.Popen[str]]) -> None:
     """A worker is killed while it imports; the next one finishes the job with every item exactly once."""
@@ -344,6 +345,7 @@ def test_kill_9_in_the_middle_costs_nothing(settings: Settings, workers: list[su
     context.close()
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("database_url", ["postgres"], indirect=True)
 def test_several_workers_share_the_jobs_and_finish_those_of_one_that_is_killed(
     settings: Settings, workers: list[subprocess.Popen[str]], stack: ExitStack

@@ -8,6 +8,7 @@ import pytest
 from tests.operators_day import DOCUMENT, normalised, outputs, rewritten, steps
 
 
+@pytest.mark.study
 def test_every_command_of_the_document_says_what_is_written(tmp_path: Path) -> None:
     missing = [program for program in ("bash", "curl", "jq") if shutil.which(program) is None]
     if missing:

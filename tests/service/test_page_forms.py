@@ -115,12 +115,11 @@ def test_maintenance_is_entered_by_engineers_and_every_fault_is_named(guarded: T
     assert guarded.get(f"{API}/pumps/P-1/maintenance", headers=key(guarded, "viewer", "north")).json()["items"] == []
 
 
-@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+@pytest.mark.parametrize("worn_settings", ["sqlite"], indirect=True)
 def test_the_page_has_the_forms_and_without_sessions_knows_them_by_their_origin(
-    client: TestClient, worn_records: list[DemoRecord]
+    worn_client: TestClient, worn_records: list[DemoRecord]
 ) -> None:
-    for record in worn_records:
-        client.post(f"{API}/records", content=record.content, headers={"content-type": "text/csv"})
+    client = worn_client
     serial = worn_records[0].pump.serial
     page = client.get(f"/pumps/{serial}").text
     (action,) = re.findall(r'action="(/alarms/\w+/acknowledge)"', page)

@@ -190,10 +190,10 @@ def test_the_trend_of_a_position_spans_its_pumps(client: TestClient) -> None:
     assert client.get(f"{API}/aircraft/F-9/positions/LH/trend?metric=case_residual_bar").status_code == 404
 
 
-def test_a_pump_that_never_paused_this_long_is_silent(client: TestClient, healthy_records: list[DemoRecord]) -> None:
-    for record in healthy_records:
-        client.post(f"{API}/records", content=record.content, headers={"content-type": "text/csv"})
-    serial = healthy_records[0].pump.serial
+def test_a_pump_that_never_paused_this_long_is_silent(
+    healthy_client: TestClient, healthy_records: list[DemoRecord]
+) -> None:
+    client, serial = healthy_client, healthy_records[0].pump.serial
     assert client.get(f"{API}/pumps/{serial}").json()["silent"] is True
     assert [p["serial"] for p in client.get(f"{API}/fleet/summary").json()["silent"]] == [serial]
     assert "gone silent" in client.get("/").text

@@ -67,10 +67,9 @@ class TestInstallations:
         assert client.get(f"{PUMP}/verdict").json()["quality"]["flags"] == []
 
     def test_each_gives_its_position_a_reference_of_its_own(
-        self, client: TestClient, healthy_records: list[DemoRecord]
+        self, healthy_client: TestClient, healthy_records: list[DemoRecord]
     ) -> None:
-        for record in healthy_records:
-            client.post(f"{API}/records", content=record.content, headers={"content-type": "text/csv"})
+        client = healthy_client
         pump = f"{API}/pumps/{healthy_records[0].pump.serial}"
         seen = client.get(pump).json()
         assert seen["state"] == "healthy"
@@ -225,10 +224,9 @@ class TestMaintenance:
         assert told() == (Maintenance(at, "fluid_changed", "MIL-PRF-83282"), Maintenance(at, "sensor_replaced"))
 
     def test_it_resets_what_it_touches_and_taking_it_back_undoes_that(
-        self, client: TestClient, healthy_records: list[DemoRecord]
+        self, healthy_client: TestClient, healthy_records: list[DemoRecord]
     ) -> None:
-        for record in healthy_records:
-            client.post(f"{API}/records", content=record.content, headers={"content-type": "text/csv"})
+        client = healthy_client
         pump = f"{API}/pumps/{healthy_records[0].pump.serial}"
         before = client.get(f"{pump}/verdict").json()
         at = (healthy_records[-1].started_at - timedelta(minutes=1)).isoformat()

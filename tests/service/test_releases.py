@@ -313,12 +313,10 @@ def test_the_code_of_a_reduction_holds_what_it_needs_and_no_release() -> None:
 
 
 def test_a_renewal_notes_its_cause(
-    client: TestClient, worn_records: list[DemoRecord], other_code: Callable[[], None]
+    worn_client: TestClient, worn_records: list[DemoRecord], other_code: Callable[[], None]
 ) -> None:
-    for record in worn_records:
-        send(client, record)
     other_code()
-    context = context_of(client)
+    context = context_of(worn_client)
     Renewal(context.database, context.archive).run(Event())
     with context.database.reading() as session:
         causes = {(row.cause, row.cause_id) for row in session.scalars(select(VerdictRevision))}

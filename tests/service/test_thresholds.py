@@ -235,9 +235,9 @@ class TestPreview:
 
     @pytest.mark.parametrize("values", CANDIDATES)
     def test_it_shows_what_applying_does(
-        self, client: TestClient, worn_records: list[DemoRecord], values: dict[str, float]
+        self, worn_client: TestClient, worn_records: list[DemoRecord], values: dict[str, float]
     ) -> None:
-        serial = upload(client, worn_records)
+        client, serial = worn_client, worn_records[0].pump.serial
         before = living(client)
         body = {"scope": "pump", "id": serial, "values": values}
         shown = client.post(f"{URL}/preview", json=body)
@@ -267,8 +267,8 @@ class TestPreview:
         put(client, f"pump/{serial}", {}, '"1"')
         assert client.get(pump).json()["quality"] == before
 
-    def test_findings_tell_false_from_missed(self, client: TestClient, worn_records: list[DemoRecord]) -> None:
-        serial = upload(client, worn_records)
+    def test_findings_tell_false_from_missed(self, worn_client: TestClient, worn_records: list[DemoRecord]) -> None:
+        client, serial = worn_client, worn_records[0].pump.serial
         raised = worn_records[-1].started_at
         for at, found in (
             (raised, "pump_degradation"),

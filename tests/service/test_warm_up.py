@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPT = '''
 import sys
 from pathlib import Path
@@ -62,6 +64,7 @@ assert not new, f"compiled inside a request: {new}"
 '''
 
 
+@pytest.mark.study
 def test_no_request_compiles(tmp_path: Path) -> None:
     """In a process of its own: other tests may have compiled what the warm-up forgot."""
     result = subprocess.run(

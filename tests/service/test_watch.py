@@ -250,6 +250,7 @@ def test_a_store_elsewhere_is_an_inbox_too(tmp_path: Path) -> None:
     files.rm("/inbox-of-a-test", recursive=True)
 
 
+@pytest.mark.study
 def test_forty_mixed_files_and_a_watch_that_is_killed_at_random_moments(
     tmp_path: Path, new_settings: Callable[..., Settings]
 ) -> None:

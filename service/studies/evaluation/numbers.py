@@ -1,8 +1,7 @@
 """All numbers of a study as plain values; what is not a number is None."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,6 +13,15 @@ from detectors.evaluation.summary import RowResult, side_confusion
 from detectors.evaluation.targets import NOT_SIMULATED, Finding
 from detectors.judgement.version import twin_version
 from detectors.words.verdict import Side
+from service.answers.job_documents import (
+    OperatingPointOfAlarm,
+    Reliabilities,
+    ReliabilityBin,
+    Scored,
+    StudyReport,
+    StudyRow,
+    StudyTarget,
+)
 from service.identity import software
 from service.studies.evaluation.run import Results
 from twin.pumps import pump_type
@@ -21,7 +29,7 @@ from twin.pumps import pump_type
 _MOST_POINTS = 200
 
 
-def study_json(results: Results) -> dict[str, Any]:
+def study_json(results: Results) -> StudyReport:
     """The study, its targets, every score of every row with its interval, and the curves."""
     study = results.study
     return {
@@ -60,9 +68,9 @@ def thinned(curve: Roc) -> tuple[list[float], list[float]]:
     return [0.0, *curve.false_alarm_rate[at].tolist()], [0.0, *curve.detection_rate[at].tolist()]
 
 
-def _row(result: RowResult) -> dict[str, Any]:
+def _row(result: RowResult) -> StudyRow:
     row = result.row
-    entry: dict[str, Any] = {
+    entry: StudyRow = {
         "row": row.name,
         "truth": row.truth.value,
         "burst": row.sensing.burst,
@@ -92,7 +100,7 @@ def _row(result: RowResult) -> dict[str, Any]:
     return entry
 
 
-def _operating(curve: OperatingCurve) -> list[dict[str, Any]]:
+def _operating(curve: OperatingCurve) -> list[OperatingPointOfAlarm]:
     """By alarm threshold: false alarms, share found and delay, each with its interval."""
     return [
         {
@@ -107,7 +115,7 @@ def _operating(curve: OperatingCurve) -> list[dict[str, Any]]:
     ]
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def _finding(finding: Finding) -> StudyTarget:
     target = finding.target
     return {
         "row": target.row,
@@ -127,7 +135,7 @@ def _confusion(results: Results, *, burst: bool) -> dict[str, dict[str, int]]:
     return {truth.value: {side.value: n for side, n in line.items()} for truth, line in table.items()}
 
 
-def _reliabilities(rows: Sequence[Calibration], weights: Sequence[float]) -> dict[str, list[dict[str, float | None]]]:
+def _reliabilities(rows: Sequence[Calibration], weights: Sequence[float]) -> Reliabilities:
     return {
         "confidence": _by_mass([c.confidence for c in rows], weights),
         "each": _by_mass([c.each for c in rows], weights),
@@ -137,7 +145,7 @@ def _reliabilities(rows: Sequence[Calibration], weights: Sequence[float]) -> dic
     }
 
 
-def _by_mass(tables: list[Reliability], weights: Sequence[float]) -> list[dict[str, float | None]]:
+def _by_mass(tables: list[Reliability], weights: Sequence[float]) -> list[ReliabilityBin]:
     shares = equal_mass(mean_shares(tables, weights))
     return [
         {"share": float(n), "stated": float(p / n) if n else None, "happened": float(y / n) if n else None}
@@ -145,7 +153,7 @@ def _by_mass(tables: list[Reliability], weights: Sequence[float]) -> list[dict[s
     ]
 
 
-def _reliability(tables: list[Reliability]) -> list[dict[str, float | None]]:
+def _reliability(tables: list[Reliability]) -> list[ReliabilityBin]:
     counted, stated, happened = mean_shares(tables)
     return [
         {
@@ -159,16 +167,12 @@ def _reliability(tables: list[Reliability]) -> list[dict[str, float | None]]:
     ]
 
 
-def _scores(scores: Mapping[str, Score]) -> dict[str, dict[str, float | None]]:
+def _scores(scores: Mapping[str, Score]) -> dict[str, Scored]:
     return {name: _score(score) for name, score in scores.items()}
 
 
-def _score(score: Score) -> dict[str, float | None]:
-    return dict(zip(("value", "low", "high"), _numbers((score.value, score.low, score.high)), strict=True))
-
-
-def _numbers(values: Iterable[float]) -> list[float | None]:
-    return [_number(v) for v in values]
+def _score(score: Score) -> Scored:
+    return {"value": _number(score.value), "low": _number(score.low), "high": _number(score.high)}
 
 
 def _number(value: float) -> float | None:

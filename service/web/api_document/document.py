@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from pydantic import TypeAdapter
 
+from service.answers.job_documents import JOB_DOCUMENTS
 from service.answers.problems import Problem as ProblemShape
 from service.answers.words import SHAPES
 from service.errors import (
@@ -186,6 +187,8 @@ def _completed(app: FastAPI) -> dict[str, Any]:
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
     schemas |= _problem_schemas()
+    for kind in JOB_DOCUMENTS:
+        schemas |= _described(kind)
     components["responses"] = {f"Problem{status}": _problem_response(status) for status in _BY_STATUS}
     components["securitySchemes"] = {"key": {"type": "http", "scheme": "bearer", "description": "An API key"}}
     for _, _, operation in operations(document):
@@ -198,9 +201,14 @@ def _completed(app: FastAPI) -> dict[str, Any]:
 
 
 def _problem_schemas() -> dict[str, Any]:
-    schema = TypeAdapter(ProblemShape).json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
+    return _described(ProblemShape)
+
+
+def _described(kind: type) -> dict[str, Any]:
+    """Schema of a shape under its name, and of every shape in it."""
+    schema = TypeAdapter(kind).json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
     inner: dict[str, Any] = schema.pop("$defs", {})
-    return {"Problem": schema, **inner}
+    return {kind.__name__: schema, **inner}
 
 
 def _name_shapes(operation: dict[str, Any], schemas: dict[str, Any]) -> None:

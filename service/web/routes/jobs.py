@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.answers import jobs as answers
+from service.answers.job_documents import JOB_DOCUMENTS
 from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Fault, Invalid
@@ -27,10 +28,7 @@ _PAGE_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; ba
 """Documents carry their own style and nothing that runs."""
 _DOCUMENTS = {
     "json": {
-        "schema": {
-            "type": "object",
-            "description": "Numbers of a report or a study, as its kind of job writes them; units stand in their names.",
-        },
+        "schema": {"anyOf": [{"$ref": f"#/components/schemas/{kind.__name__}"} for kind in JOB_DOCUMENTS]},
         "example": {"subject": "P-7", "since": "2026-01-01T00:00:00Z", "until": "2026-07-01T00:00:00Z", "pumps": []},
     }
 }
