@@ -106,10 +106,11 @@ def _planned(row: Alarm, wish: Wish) -> dict[str, Any]:
     """The whole plan as it shall be; empty for what is no plan."""
     if wish.kind != PLAN:
         return {}
-    held = {"assignee": row.assignee, "due_at": row.due_at, "work_order": row.work_order}
-    if held == held | wish.plan:
+    held: dict[str, Any] = {"assignee": row.assignee, "due_at": row.due_at, "work_order": row.work_order}
+    plan = {**held, **wish.plan}
+    if plan == held:
         raise Conflict("the alarm has that plan already", extra={"state": reading.state_of(row)})
-    return held | wish.plan
+    return plan
 
 
 def _plan_faults(plan: Mapping[str, Any], now: datetime) -> list[Fault]:

@@ -31,7 +31,8 @@ def others_of(session: Session, asker: Principal, record_id: str, most: int = 10
         return []
     shown = select(Record.id, Record.flight_id, Record.segment, Record.started_at)
     query = shown.where(Record.pump_id == row.pump_id, Record.status == ANALYSED, Record.id != record_id)
-    return [Other(*found) for found in session.execute(query.order_by(Record.started_at.desc()).limit(most))]
+    rows = session.execute(query.order_by(Record.started_at.desc()).limit(most))
+    return [Other(name, flight or name, part, at) for name, flight, part, at in rows if at is not None]
 
 
 def record_channels(row: Record, seen: Stretch, start_s: float = -math.inf, end_s: float = math.inf) -> RecordChannels:

@@ -115,9 +115,16 @@ def _remembered(session: Session, pumps: Sequence[Pump], metric: str) -> dict[in
 
 def _thinned(trend: _PumpTrend) -> _PumpTrend:
     places = kept_places(trend.value, _PER_PUMP)
-    numbers = (trend.at, trend.value, trend.low, trend.high, trend.flight_hours)
-    words = (trend.record_id, trend.aircraft, trend.position)
-    return _PumpTrend(*(n[places] for n in numbers), *([w[i] for i in places] for w in words))
+    return _PumpTrend(
+        at=trend.at[places],
+        value=trend.value[places],
+        low=trend.low[places],
+        high=trend.high[places],
+        flight_hours=trend.flight_hours[places],
+        record_id=[trend.record_id[i] for i in places],
+        aircraft=[trend.aircraft[i] for i in places],
+        position=[trend.position[i] for i in places],
+    )
 
 
 def _groups(pump: Pump, trend: _PumpTrend, group_by: GroupBy) -> Iterator[tuple[tuple[float, str], NDArray[np.intp]]]:
@@ -142,7 +149,8 @@ def _group(name: str, parts: Sequence[tuple[Pump, _PumpTrend, NDArray[np.intp]]]
     place = np.concatenate([places for _, _, places in parts])
     order = np.argsort(at, kind="stable")
     values = np.concatenate([trend.value[places] for _, trend, places in parts])[order]
-    items = [_item(*parts[owner[k]][:2], int(place[k])) for k in order[kept_places(values, most)]]
+    chosen = [(parts[owner[k]], int(place[k])) for k in order[kept_places(values, most)]]
+    items = [_item(pump, trend, i) for (pump, trend, _), i in chosen]
     return {"group": name, "pumps": len(parts), "items": items}
 
 

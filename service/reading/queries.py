@@ -226,7 +226,10 @@ def trends_of_records(session: Session, pump_id: int, metric: str) -> list[Trend
     query = select(kept.at, kept.aircraft, kept.position, Record.flight_hours, kept.state, kept.trend[metric])
     query = query.join(Record, Record.id == kept.record_id).where(kept.pump_id == pump_id)
     rows = session.execute(query.order_by(kept.at, kept.record_id))
-    return [TrendOfRecord(*row[:5], {} if row[5] is None else {metric: row[5]}) for row in rows]
+    return [
+        TrendOfRecord(at, aircraft, position, hours, state, {} if value is None else {metric: value})
+        for at, aircraft, position, hours, state, value in rows
+    ]
 
 
 def newest_assessments(session: Session, pump_id: int, n: int) -> list[StoredAssessment]:

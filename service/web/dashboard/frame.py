@@ -95,7 +95,7 @@ def _rendered(
 ) -> HTMLResponse:
     asker = visitor.principal if visitor else nobody
     path = values["request"].url.path
-    frame = {
+    frame: dict[str, Any] = {
         "visitor": visitor,
         "csrf_token": visitor.csrf_token if visitor else "",
         "asker": asker,
