@@ -7,7 +7,6 @@ their true sizes. A long record is uploaded as it is. Each request is made a few
 
 import json
 import statistics
-import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -101,7 +100,7 @@ def _long_record() -> bytes:
 
 
 def measured() -> dict[str, Any]:
-    """Costs over fleets of ``FLEETS`` pumps with ``N_RECORDS`` each, of pumps of ``LIVES`` records, of a long record."""
+    """Costs, kept after every step: fleets of ``FLEETS`` pumps, pumps of ``LIVES`` records, a long record."""
     found: dict[str, Any] = {}
     with cluster() as server, TemporaryDirectory() as folder:
         url = create_database(server, "fleet")
@@ -123,16 +122,12 @@ def measured() -> dict[str, Any]:
             assert made.status_code == 201, made.text
             record = made.json()["record_id"]
             found["record page, 10 Hz for 3 h"] = _cost(client, f"/records/{record}")
-            first = 1
-            for n in FLEETS:
-                run(_COPIES.format(first=first, last=n - 2, pump=pump.id))
-                first = n - 1
-                for name, call in _fleet_calls().items():
-                    found[f"{name}, {n} pumps, {n * N_RECORDS} records"] = _cost(client, call)
-                _said(found)
             with context.database.reading() as session:
-                days = f"(select max(at) - min(at) + interval '1 day' from assessments where pump_id = {pump.id})"  # noqa: S608
-                hours = session.scalar(text(f"select max(flight_hours) from records where pump_id = {pump.id}"))  # noqa: S608
+                own = f"where pump_id = {pump.id}"
+                hours = session.scalar(text(f"select max(flight_hours) from records {own}"))  # noqa: S608
+            days = f"(select max(at) - min(at) + interval '1 day' from assessments {own})"  # noqa: S608
+            run(_COPIES.format(first=1, last=FLEETS[0] - 2, pump=pump.id))
+            _ask_fleet(client, found, FLEETS[0])
             for k, n in enumerate(LIVES):
                 held = {"id": 900 + k, "serial": f"L-{n}", "n": n - 1, "records": N_RECORDS, "pump": pump.id}
                 run(_LIFE.format(**held, span=days, hours=hours or 1.0))
@@ -140,17 +135,21 @@ def measured() -> dict[str, Any]:
                     call = f"/pumps/L-{n}?operator=north{query}"
                     found[f"pump page, {n} records{name}"] = _cost(client, call, 5)
                 found[f"curve picture, {n} records, kept"] = _cost(client, f"/pumps/L-{n}/curve.svg?operator=north", 5)
-                _said(found)
+                keep("pages", found)
+            run(_COPIES.format(first=FLEETS[0] - 1, last=FLEETS[1] - 4, pump=pump.id))
+            _ask_fleet(client, found, FLEETS[1])
     return found
 
 
-def _said(found: dict[str, Any]) -> None:
-    print(json.dumps(found, indent=1), file=sys.stderr, flush=True)
+def _ask_fleet(client: TestClient, found: dict[str, Any], n: int) -> None:
+    for name, call in _fleet_calls().items():
+        found[f"{name}, {n} pumps of {N_RECORDS} records"] = _cost(client, call)
+    keep("pages", found)
 
 
 def main() -> None:
     """Measure and keep."""
-    keep("pages", measured())
+    measured()
 
 
 if __name__ == "__main__":
