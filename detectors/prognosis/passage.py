@@ -45,6 +45,9 @@ numbers such wear was followed by none of them and 80 % intervals held 64 % of t
 """
 _DRIFTS = (0.3, 1.0, 3.0, 10.0)
 """Drift at the track's end in units of the way to the limit over a life."""
+_SHORTEST_TRACK = 0.25
+"""Part of a life that a track spans at least where a chance is asked of it: growth counts by the span, and e-fold growth
+within a few flights is no wear (estimate: half of what ``_LAWS`` reckons with)."""
 _HORIZON_LIVES = 10.0
 """How far is looked ahead, in lives of a typical pump (estimate: beyond ten nobody plans)."""
 _N_TIMES = 240
@@ -89,10 +92,9 @@ class Forecast:
 
 @dataclass(frozen=True, slots=True)
 class NoForecast:
-    """Why no forecast is honest; ``beyond`` is the probability that the level has crossed its limit, None if none was followed."""
+    """Why no forecast is honest."""
 
     reason: str
-    beyond: float | None = None
 
 
 def forecast(
@@ -126,21 +128,61 @@ def forecast(
         return NoForecast(f"flight hours are missing for {len(numbers) - len(dated)} of {len(numbers)} records")
     if len(dated) < FEWEST_ESTIMATES:
         return NoForecast(f"{len(dated)} records have an estimate; at least {FEWEST_ESTIMATES} are needed")
-    track = np.array(sorted((e.flight_hours, e.mean, e.standard_deviation) for e in dated), dtype=np.float64)
-    if track[-1, 0] <= track[0, 0]:
+    if len({e.flight_hours for e in dated}) == 1:
         return NoForecast("all records have the same flight hours")
-    scale = max(limit - float(np.median(track[: len(track) // 3 + 1, 1])), float(np.median(track[:, 2])))
-    filters = _filtered(track, _filters(scale, typical_life_hours, float(np.ptp(track[:, 0]))))
-    weight, growing = _weights(filters)
+    filters, weight, growing = _followed(dated, limit, typical_life_hours, 0.0)
     level = float(weight @ filters.level)
     above = float(weight @ ndtr((filters.level - limit) / np.sqrt(filters.p_ll)))
     if above > 0.5:
-        return NoForecast(f"the level, {level:.3g}, is already above the limit, {limit:.3g}", above)
+        return NoForecast(f"the level, {level:.3g}, is already above the limit, {limit:.3g}")
     if growing < DRIFT_PROBABILITY:
-        return NoForecast(
-            f"no growth is evident: its probability is {growing:.2f}, {DRIFT_PROBABILITY:g} is needed", above
-        )
+        return NoForecast(f"no growth is evident: its probability is {growing:.2f}, {DRIFT_PROBABILITY:g} is needed")
     return _passage(filters, weight, limit, typical_life_hours)
+
+
+def chance_within(
+    estimates: Sequence[LevelEstimate], limit: float, hours: float, *, typical_life_hours: float = 2000.0
+) -> float:
+    """Probability that the level has crossed ``limit`` from below by ``hours`` flight hours after the last estimate.
+
+    Every filter counts by its share, the ones without drift too, and whatever lies beyond the limit has crossed it: so
+    there is a chance wherever there is an estimate, and none is left out for being small.
+
+    Parameters
+    ----------
+    estimates : Sequence[LevelEstimate]
+        In any order; errors taken as independent. At least one has a number and flight hours; the others are left out.
+    limit : float
+        The level that ends the pump's life [level's unit].
+    hours : float
+        How far is looked ahead [h].
+    typical_life_hours : float
+        As in ``forecast``.
+
+    Raises
+    ------
+    ValueError
+        As ``forecast``; without an estimate at flight hours, or if ``hours`` is negative or not finite.
+    """
+    _check(estimates, limit, typical_life_hours)
+    if not 0.0 <= hours < math.inf:
+        raise ValueError(f"hours is {hours:g}; it must be finite and not below 0")
+    dated = [e for e in estimates if math.isfinite(e.mean) and e.flight_hours is not None]
+    if not dated:
+        raise ValueError("no estimate has a number and flight hours; at least one is needed")
+    filters, weight, _ = _followed(dated, limit, typical_life_hours, _SHORTEST_TRACK * typical_life_hours)
+    pick, drift, level = _drawn(filters, weight)
+    return float(_crossed_by(filters, pick, drift, limit - level, max(hours, 1e-6 * typical_life_hours)).mean())
+
+
+def _followed(
+    dated: Sequence[LevelEstimate], limit: float, life: float, shortest: float
+) -> "tuple[_Filters, Array, float]":
+    """Filters after the whole track, their shares, and the probability of growth; the track counts as ``shortest`` at least."""
+    track = np.array(sorted((e.flight_hours, e.mean, e.standard_deviation) for e in dated), dtype=np.float64)
+    scale = max(limit - float(np.median(track[: len(track) // 3 + 1, 1])), float(np.median(track[:, 2])))
+    filters = _filtered(track, _filters(scale, life, max(float(np.ptp(track[:, 0])), shortest)))
+    return filters, *_weights(filters)
 
 
 @dataclass(slots=True)
@@ -247,28 +289,39 @@ def _weights(f: _Filters) -> tuple[Array, float]:
     return weight, float(weight[f.drifts].sum())
 
 
-def _passage(f: _Filters, weight: Array, limit: float, life: float) -> Forecast | NoForecast:
-    """Mix the first-passage law over draws of (filter, drift, level) with positive drift."""
+def _drawn(f: _Filters, share: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    """Filters by their shares, each with a drift that is positive where it has one, and a level; all (draws,)."""
     rng = np.random.default_rng(0)
-    share = np.where(f.drifts, weight, 0.0)
     place = (np.arange(_N_DRAWS) + 0.5) / _N_DRAWS
     pick = np.minimum(np.searchsorted(np.cumsum(share / share.sum()), place), len(share) - 1)
-    sd = np.sqrt(f.p_dd[pick])
+    drifts = f.drifts[pick]
+    variance = np.where(drifts, f.p_dd[pick], 1.0)
+    sd = np.sqrt(variance)
     lowest = ndtr(-f.drift[pick] / sd)
     drift = f.drift[pick] + sd * ndtri(lowest + (1.0 - lowest) * rng.uniform(1e-6, 1.0 - 1e-6, _N_DRAWS))
-    drift = np.maximum(drift, 1e-9 * sd)
-    slope = f.p_ld[pick] / f.p_dd[pick]
+    drift = np.where(drifts, np.maximum(drift, 1e-9 * sd), 0.0)
+    slope = np.where(drifts, f.p_ld[pick] / variance, 0.0)
     left = np.maximum(f.p_ll[pick] - slope * f.p_ld[pick], 0.0)
     level = f.level[pick] + slope * (drift - f.drift[pick]) + np.sqrt(left) * rng.standard_normal(_N_DRAWS)
+    return pick, drift, level
+
+
+def _crossed_by(f: _Filters, pick: NDArray[np.int64], drift: Array, way: Array, hours: float) -> Array:
+    """Probability that each draw has covered its ``way`` to the limit by ``hours``, (draws,)."""
+    # a wandering drift adds to the diffusion what it adds to the level's variance
+    variance = f.level_diffusion[pick] + f.drift_diffusion[pick] * hours**2 / 3.0
+    return _crossed(way, drift * _reach(f.growth[pick], hours) / hours, variance, hours)
+
+
+def _passage(f: _Filters, weight: Array, limit: float, life: float) -> Forecast | NoForecast:
+    """Mix the first-passage law over draws of (filter, drift, level) with positive drift."""
+    pick, drift, level = _drawn(f, np.where(f.drifts, weight, 0.0))
     horizon = _HORIZON_LIVES * life
     hours = np.concatenate([[0.0], np.geomspace(1e-4 * life, horizon, _N_TIMES)])
     probability = np.empty(len(hours))
     probability[0] = float((level >= limit).mean())
     for i, t in enumerate(hours[1:], 1):
-        # a wandering drift adds to the diffusion what it adds to the level's variance
-        variance = f.level_diffusion[pick] + f.drift_diffusion[pick] * t**2 / 3.0
-        pace = drift * _reach(f.growth[pick], float(t)) / t
-        probability[i] = _crossed(limit - level, pace, variance, float(t)).mean()
+        probability[i] = _crossed_by(f, pick, drift, limit - level, float(t)).mean()
     probability = np.maximum.accumulate(probability)
     tail = 0.5 * (1.0 - _CONFIDENCE)
     found = Forecast(math.nan, 0.0, math.inf, hours, probability)
@@ -276,13 +329,10 @@ def _passage(f: _Filters, weight: Array, limit: float, life: float) -> Forecast 
     high = found.quantile(1.0 - tail)
     if not math.isfinite(high):
         return NoForecast(
-            f"the interval reaches beyond {horizon:.0f} flight hours: growth is too slow or too uncertain",
-            float(probability[0]),
+            f"the interval reaches beyond {horizon:.0f} flight hours: growth is too slow or too uncertain"
         )
     if high > WIDEST_RATIO * max(low, 0.01 * life):
-        return NoForecast(
-            f"the interval is too wide to help: {low:.0f} to {high:.0f} flight hours", float(probability[0])
-        )
+        return NoForecast(f"the interval is too wide to help: {low:.0f} to {high:.0f} flight hours")
     mean = float(np.trapezoid(1.0 - probability, hours))
     return Forecast(mean, low, high, hours, probability)
 

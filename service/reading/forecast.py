@@ -10,11 +10,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import pairwise
 
 import numpy as np
 from sqlalchemy.orm import Session
 
-from detectors.prognosis.passage import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoForecast, forecast
+from detectors.prognosis.passage import FEWEST_ESTIMATES, Forecast, LevelEstimate, NoForecast, chance_within, forecast
 from detectors.words.numbers import Z_90
 from detectors.words.verdict import State
 from service.answers.pumps import FlightHours
@@ -79,20 +80,15 @@ def crossed(
 
 
 def crossing_of_trend(points: Sequence[TrendPoint], limit: float, within_h: float) -> float | None:
-    """Probability that the level crosses the limit within some flight hours [h]; None where no forecast can be given.
+    """Probability that the level crosses the limit within some flight hours [h]; None without an estimate at flight hours.
 
-    Where the error that all records share puts the limit out of a forecast's reach, what has crossed already counts.
+    There is one whether or not growth is evident: what does not grow may lie beyond the limit, or come to.
     """
-    parts = _parts(points, limit)
-    if isinstance(parts, NoForecast):
+    dated = [p for p in points if p.flight_hours is not None]
+    if not dated or 2 * len(dated) < len(points) or _falling(dated) is not None:
         return None
-    middle = parts.given[1]
-    if isinstance(middle, NoForecast) and (middle.beyond is None or middle.beyond <= 0.5):
-        return None
-    chances = [
-        part.probability_within(within_h) if isinstance(part, Forecast) else part.beyond or 0.0 for part in parts.given
-    ]
-    return float(np.dot([share for _, share in _NODES], chances))
+    estimates, shared = _estimates(dated)
+    return float(sum(share * chance_within(estimates, limit - node * shared, within_h) for node, share in _NODES))
 
 
 def forecast_of(session: Session, pump: Pump) -> Forecasted:
@@ -178,18 +174,26 @@ def _parts(points: Sequence[TrendPoint], limit: float) -> _Parts | NoForecast:
     dated = [p for p in points if p.flight_hours is not None]
     if len(dated) < 0.5 * len(points) or len(dated) < fewest:
         return NoForecast(f"flight hours are missing for {len(points) - len(dated)} of {len(points)} records")
-    hours = [p.flight_hours for p in dated if p.flight_hours is not None]
-    falls = next((i for i in range(1, len(hours)) if hours[i] < hours[i - 1]), None)
+    falls = _falling(dated)
     if falls is not None:
-        return NoForecast(
-            f"flight hours fall from {hours[falls - 1]:g} to {hours[falls]:g} within one installation: correct them"
-        )
+        return NoForecast(f"flight hours fall from {falls[0]:g} to {falls[1]:g} within one installation: correct them")
+    estimates, shared = _estimates(dated)
+    return _Parts([forecast(estimates, limit - node * shared) for node, _ in _NODES], shared)
+
+
+def _falling(dated: Sequence[TrendPoint]) -> tuple[float, float] | None:
+    """The first neighbours whose flight hours fall."""
+    hours = [p.flight_hours for p in dated if p.flight_hours is not None]
+    return next((pair for pair in pairwise(hours) if pair[1] < pair[0]), None)
+
+
+def _estimates(dated: Sequence[TrendPoint]) -> tuple[list[LevelEstimate], float]:
+    """Estimates that count, each with the error that is its own, and the error that all share [L/min]."""
     # from the newest backwards, so that the last record always counts
     kept = dated[::-1][::SPACING][::-1]
     shared = min(p.standard_deviation for p in kept)
     common = SHARED_PART * shared**2
-    estimates = [LevelEstimate(p.flight_hours, p.mean, math.sqrt(p.standard_deviation**2 - common)) for p in kept]
-    return _Parts([forecast(estimates, limit - node * shared) for node, _ in _NODES], shared)
+    return [LevelEstimate(p.flight_hours, p.mean, math.sqrt(p.standard_deviation**2 - common)) for p in kept], shared
 
 
 def _mixed(parts: Sequence[Forecast]) -> Forecast | NoForecast:

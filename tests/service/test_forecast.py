@@ -147,9 +147,24 @@ class TestCrossing:
         assert len(numbers) == 4
         assert numbers[-1] > 0.99
 
-    def test_without_grounds_there_is_none(self) -> None:
-        assert crossing_of_trend(points(30, 0.002)[0], LIMIT, 50.0) is None
-        assert crossing_of_trend(points(100, 0.0, level=0.6)[0], LIMIT, 50.0) is None
+    def test_there_is_one_wherever_there_is_an_estimate(self) -> None:
+        """A small chance is said too: who hears of large ones only cannot hold them against what happens."""
+        for track in (points(100, 0.0, level=0.6)[0], points(1, 0.0, level=0.6)[0], points(30, 0.0, level=0.6)[0]):
+            chance = crossing_of_trend(track, LIMIT, 50.0)
+            assert chance is not None
+            assert chance < 0.02
+        # one estimate at the limit: as likely beyond as not
+        at_limit = crossing_of_trend([TrendPoint(START_HOURS, LIMIT, 0.1)], LIMIT, 50.0)
+        assert at_limit is not None
+        assert 0.5 <= at_limit < 0.65
+
+    def test_without_flight_hours_there_is_none(self) -> None:
+        track = points(100, 0.002)[0]
+        undated = [TrendPoint(None, p.mean, p.standard_deviation) for p in track]
+        assert crossing_of_trend([], LIMIT, 50.0) is None
+        assert crossing_of_trend(undated, LIMIT, 50.0) is None
+        assert crossing_of_trend([*undated[:60], *track[60:]], LIMIT, 50.0) is None
+        assert crossing_of_trend([*track[50:], *track[:50]], LIMIT, 50.0) is None  # hours that fall
 
     def test_a_level_beyond_has_crossed(self) -> None:
         for growth, level in ((0.0, 2.0), (0.001, 2.0), (0.0, 1.62)):
@@ -269,7 +284,8 @@ def test_the_verdict_says_the_chance_of_crossing_before_the_next_inspection(
     assert longer["within_flight_hours"] == 200.0
     assert longer["probability"] == expected(120, 200.0)
     early = (START + timedelta(days=9)).isoformat()
-    assert crossing(at=early) is None
+    assert crossing(at=early)["probability"] == expected(10, 200.0)
+    assert crossing(at=early)["probability"] < longer["probability"]
 
 
 def test_only_the_current_installation_counts(client: TestClient, settings: Settings, verdict: dict[str, Any]) -> None:

@@ -18,13 +18,13 @@ def with_forecasts(outcome: Outcome, limit: float) -> Outcome:
     forecast = np.full_like(outcome.forecast, np.nan)
     for pump, records in enumerate(asked_records(outcome, limit)):
         for record in {int(r) for r in records if r >= 0}:
-            found = forecast_of_trend(_points(outcome, pump, record), limit)
+            found = forecast_of_trend(points_to(outcome, pump, record), limit)
             if not isinstance(found, NoForecast):
                 forecast[pump, record] = found.quantile(0.5), found.quantile(0.1), found.quantile(0.9)
     return replace(outcome, forecast=forecast)
 
 
-def _points(outcome: Outcome, pump: int, last: int) -> list[TrendPoint]:
+def points_to(outcome: Outcome, pump: int, last: int) -> list[TrendPoint]:
     """The pump's trend up to a record, as the service stores it: nothing while the baseline is still learnt."""
     k = list(ESTIMATES).index(METRIC)
     learning = STATES.index(State.INSUFFICIENT_DATA)
