@@ -61,7 +61,7 @@ def load_step(
             for name, values in zip(("healthy pump", "with these values"), held, strict=True)
             if values is not None
         ]
-        pictures.append(Markup(twin_svg(f"Load step, {words}", ("time [s]", words), lines, None)))  # noqa: S704
+        pictures.append(Markup(twin_svg(f"Load step, {words}", ("time [s]", words), lines, None, 0.001)))  # noqa: S704
         rows.append({"words": words, "runs": [_figures(times, values, step.step_at_s) for values in held if values]})
     return {"pictures": pictures, "rows": rows}
 
