@@ -2,7 +2,11 @@
 
 ``python -m benchmarks.pages`` writes ``benchmarks/results/pages.json``. One history is uploaded and folded by the service
 on Postgres; its rows are then copied to many pumps and, moved in time, to one pump of many records, so that documents have
-their true sizes. A long record is uploaded as it is. Each request is made a few times beforehand, as a page of the day is.
+their true sizes. A long record is uploaded as it is. Each request is made twice beforehand: what a process keeps of pumps whose
+history has not changed is warm, as on a page of the day.
+
+Times are wall clock of one process that also carries the client, on whatever else the machine does. Copies are alike: a fleet's
+bytes compress better here than a real fleet's do. Statements of background threads are counted with those of the request.
 """
 
 import json
