@@ -82,6 +82,8 @@ class Settings(BaseSettings):
     quota_operator_jobs: int = Field(default=50, ge=0)
     traces: Literal["off", "otlp"] = "off"
     """Send traces by OTLP over HTTP, to where OpenTelemetry's own variables (`OTEL_EXPORTER_OTLP_ENDPOINT` …) say."""
+    cors_origins: str = ""
+    """Origins like `https://dashboards.example.org`, with commas, whose pages may call the API with a key; `*`: all."""
     job_concurrency: int = Field(default=1, ge=1, le=64)
     worker_name: str = Field(default_factory=socket.gethostname, min_length=1)
     """Tells the workers of one Postgres apart; a worker takes up what it left when it comes back by the same name."""
@@ -126,6 +128,16 @@ class Settings(BaseSettings):
                 raise ValueError(f"{part!r} is no address or network") from None
         return text
 
+    @field_validator("cors_origins")
+    @classmethod
+    def _are_origins(cls, text: str) -> str:
+        for part in filter(None, (p.strip() for p in text.split(","))):
+            address = urlsplit(part)
+            is_origin = address.scheme in ("http", "https") and bool(address.netloc) and "@" not in address.netloc
+            if part != "*" and (not is_origin or part != f"{address.scheme}://{address.netloc}"):
+                raise ValueError(f"{part!r} is no origin like https://dashboards.example.org")
+        return text
+
     @cached_property
     def effective_database_url(self) -> str:
         """SQLAlchemy URL: as set, else an SQLite file in the data directory."""
@@ -145,6 +157,11 @@ class Settings(BaseSettings):
     def proxies(self) -> list[str]:
         """Addresses and networks of trusted proxies."""
         return [p.strip() for p in self.trusted_proxies.split(",") if p.strip()]
+
+    @cached_property
+    def cors(self) -> list[str]:
+        """Origins whose pages may call the API."""
+        return [p.strip() for p in self.cors_origins.split(",") if p.strip()]
 
     @property
     def effective_spool_dir(self) -> Path:

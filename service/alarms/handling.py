@@ -1,7 +1,9 @@
-"""What an operator does about an alarm: acknowledge, shelve, unshelve, close; checked, noted, and then followed."""
+"""What an operator does about an alarm: acknowledge, shelve, close, plan, comment; checked, noted, and then followed."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -10,9 +12,10 @@ from service.access import audit
 from service.access.security import Principal
 from service.alarms import reading
 from service.alarms.ledger import follow
-from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
+from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, COMMENT, PLAN, SHELVE, UNSHELVE
 from service.answers import alarms as answers
-from service.errors import Conflict, Fault, Invalid
+from service.answers.words import instant
+from service.errors import Conflict, Fault, Invalid, Problem
 from service.storage.database import Database
 from service.storage.tables import Alarm, AlarmAction, Pump, StoredAssessment
 from service.thresholds.layers import thresholds_of
@@ -20,11 +23,16 @@ from service.thresholds.layers import thresholds_of
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """What shall be done: one of the kinds of ``life_cycle``, why, and for a shelf until when."""
+    """What shall be done: one of the kinds of ``life_cycle``, why, and for a shelf until when.
+
+    ``plan`` holds what a plan shall say from now on, of ``assignee``, ``due_at`` and ``work_order``: None takes back,
+    what is not named stays.
+    """
 
     kind: str
     reason: str | None = None
     until: datetime | None = None
+    plan: Mapping[str, Any] = field(default_factory=dict)
 
 
 def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) -> answers.Alarm:
@@ -50,6 +58,7 @@ def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) 
         now = datetime.now(UTC)
         _check_wish(wish, thresholds["alarm_shelving_maximum_h"], now)
         _check_state(row, wish, now)
+        plan = _planned(row, wish)
         session.add(
             AlarmAction(
                 alarm_id=row.id,
@@ -58,6 +67,7 @@ def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) 
                 by=principal.owner,
                 reason=wish.reason,
                 until=wish.until,
+                **plan,
                 onset_at=row.onset_at,
                 seen_at=_last_known(session, pump) or row.raised_at,
                 seen_state=row.verdict_state,
@@ -66,13 +76,55 @@ def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) 
             )
         )
         details = {"reason": wish.reason, "until": wish.until.isoformat() if wish.until else None}
+        if wish.kind == PLAN:
+            details |= {**plan, "due_at": instant(plan["due_at"])}
         audit.note(session, principal, f"alarm.{wish.kind}", f"alarm/{row.id}", pump.operator, details)
         follow(session, pump, thresholds)
         return reading.shown(row, pump.serial, pump.pump_type)
 
 
+def handle_many(
+    database: Database, principal: Principal, alarm_ids: Sequence[str], wish: Wish
+) -> list[answers.Alarm | Problem]:
+    """Do the same about each of them, each for itself: the alarm as it is now, or why nothing was done about it.
+
+    Raises
+    ------
+    Forbidden
+        when the principal may not handle alarms at all.
+    """
+    principal.require("analyst")
+    found: list[answers.Alarm | Problem] = []
+    for alarm_id in dict.fromkeys(alarm_ids):
+        try:
+            found.append(handle(database, principal, alarm_id, wish))
+        except Problem as problem:
+            found.append(problem)
+    return found
+
+
+def _planned(row: Alarm, wish: Wish) -> dict[str, Any]:
+    """The whole plan as it shall be; empty for what is no plan."""
+    if wish.kind != PLAN:
+        return {}
+    held: dict[str, Any] = {"assignee": row.assignee, "due_at": row.due_at, "work_order": row.work_order}
+    plan = {**held, **wish.plan}
+    if plan == held:
+        raise Conflict("the alarm has that plan already", extra={"state": reading.state_of(row)})
+    return plan
+
+
+def _plan_faults(plan: Mapping[str, Any], now: datetime) -> list[Fault]:
+    if not plan:
+        return [Fault("body", "names none of assignee, due_at and work_order: nothing would change")]
+    due = plan.get("due_at")
+    return [Fault("body.due_at", "lies in the past")] if due is not None and due <= now else []
+
+
 def _check_wish(wish: Wish, longest_h: float, now: datetime) -> None:
-    faults = []
+    faults = _plan_faults(wish.plan, now) if wish.kind == PLAN else []
+    if wish.kind == COMMENT and not (wish.reason or "").strip():
+        faults.append(Fault("body.reason", "is empty: a comment says something"))
     if wish.kind in (SHELVE, CLOSE) and not (wish.reason or "").strip():
         faults.append(Fault("body.reason", "is empty: say why, whoever finds the alarm next will ask"))
     if wish.kind == SHELVE:
@@ -90,7 +142,8 @@ def _check_wish(wish: Wish, longest_h: float, now: datetime) -> None:
 
 def _check_state(row: Alarm, wish: Wish, now: datetime) -> None:
     state = reading.state_of(row)
-    if state in ("withdrawn", "closed"):
+    # a work order may be numbered, and a word be said, after the alarm was closed
+    if state == "withdrawn" or (state == "closed" and wish.kind not in (COMMENT, PLAN)):
         raise Conflict(f"the alarm is {state}: there is nothing left to {wish.kind}", extra={"state": state})
     if wish.kind == ACKNOWLEDGE and row.acknowledged:
         raise Conflict("the alarm is acknowledged already", extra={"state": state})

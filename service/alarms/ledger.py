@@ -9,7 +9,7 @@ from sqlalchemy import Row, exists, or_, select
 from sqlalchemy.orm import Session
 
 from detectors.words.states import QUIET
-from service.alarms.life_cycle import PRIORITIES, Action, Life, Point, lives, rules_of
+from service.alarms.life_cycle import PRIORITIES, Action, Life, Plan, Point, lives, rules_of
 from service.alarms.reading import shown
 from service.answers.alarms import AlarmEvent
 from service.answers.verdicts import Verdict
@@ -145,6 +145,7 @@ def actions_of(session: Session, pump_id: int) -> list[Action]:
             seen_state=row.seen_state,
             seen_priority=row.seen_priority,
             done_at=row.done_at,
+            plan=Plan(row.assignee, row.due_at, row.work_order),
         )
         for row in session.scalars(select(AlarmAction).where(AlarmAction.pump_id == pump_id).order_by(AlarmAction.id))
     ]
@@ -184,6 +185,8 @@ def _write(row: Alarm, alarm: Life) -> None:
     row.case_pressure_beyond = alarm.case_pressure_beyond
     row.verdict_state, row.side, row.candidates = alarm.state, alarm.side, list(alarm.candidates)
     row.shelved_until, row.closed_at = alarm.shelved_until, alarm.closed_at
+    row.assignee, row.due_at, row.work_order = alarm.plan.assignee, alarm.plan.due_at, alarm.plan.work_order
+    row.comments = alarm.comments
     row.withdrawn_at, row.cause = None, None
     row.history = list(alarm.history)
 
@@ -215,6 +218,10 @@ _WATCHED = (
     "shelved_until",
     "closed_at",
     "withdrawn_at",
+    "assignee",
+    "due_at",
+    "work_order",
+    "comments",
 )
 
 

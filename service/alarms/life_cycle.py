@@ -17,6 +17,12 @@ wear beyond the pump type's limit is critical, and so is case pressure beyond it
 CASE_PRESSURE = "case over reservoir pressure is at twice its own reference or beyond its limit"
 """What an alarm's history says of the plain rule, which accuses nobody."""
 ACKNOWLEDGE, SHELVE, UNSHELVE, CLOSE = "acknowledge", "shelve", "unshelve", "close"
+COMMENT, PLAN = "comment", "plan"
+"""What is done beside the life of an alarm: a word about it; who sees to it, until when and under which work order."""
+_SAID = {
+    ACKNOWLEDGE: "acknowledged", SHELVE: "shelved", UNSHELVE: "unshelved", CLOSE: "closed", COMMENT: "commented",
+    PLAN: "planned",
+}  # fmt: skip
 _UNNAMED = (*QUIET, State.INDETERMINATE)
 
 
@@ -48,6 +54,18 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True)
+class Plan:
+    """Who sees to an alarm, until when, and the number of the work order elsewhere; None where nobody said."""
+
+    assignee: str | None = None
+    due_at: datetime | None = None
+    work_order: str | None = None
+
+
+NO_PLAN = Plan()
+
+
+@dataclass(frozen=True, slots=True)
 class Action:
     """What somebody did, and what there was to see then; ``number`` orders actions of the same moment."""
 
@@ -61,6 +79,7 @@ class Action:
     seen_state: str
     seen_priority: str
     done_at: datetime
+    plan: Plan = NO_PLAN
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +113,8 @@ class Life:
     acknowledged: bool = False
     shelved_until: datetime | None = None
     closed_at: datetime | None = None
+    plan: Plan = NO_PLAN
+    comments: int = 0
     history: tuple[AlarmEvent, ...] = field(default=())
 
     def covers(self, instant: datetime) -> bool:
@@ -278,6 +299,8 @@ def _levelled(life: Life, point: Point, beyond: bool, known: _Attention) -> Life
 
 
 def _acted(life: Life, action: Action, known: _Attention) -> Life:
+    if action.kind in (COMMENT, PLAN):
+        return _told(life, action)
     rank = PRIORITIES.index(action.seen_priority)
     # somebody who saw less than there now is has not dealt with it
     covers = rank >= PRIORITIES.index(life.priority)
@@ -292,9 +315,8 @@ def _acted(life: Life, action: Action, known: _Attention) -> Life:
         life = replace(life, shelved_until=None)
     elif action.kind == CLOSE and covers:
         life = replace(life, closed_at=action.done_at, acknowledged=True, shelved_until=None)
-    words = {ACKNOWLEDGE: "acknowledged", SHELVE: "shelved", UNSHELVE: "unshelved", CLOSE: "closed"}
     entry: AlarmEvent = {
-        "event": words[action.kind],
+        "event": _SAID[action.kind],
         "at": _text(action.done_at),
         "by": action.by,
         "reason": action.reason,
@@ -302,6 +324,18 @@ def _acted(life: Life, action: Action, known: _Attention) -> Life:
         "effective": covers or action.kind == UNSHELVE,
     }
     return replace(life, history=(*life.history, entry))
+
+
+def _told(life: Life, action: Action) -> Life:
+    """A comment or a plan: it says that somebody looks after the alarm, not that the alarm has been dealt with."""
+    entry: AlarmEvent = {
+        "event": _SAID[action.kind], "at": _text(action.done_at), "by": action.by, "reason": action.reason
+    }  # fmt: skip
+    if action.kind == COMMENT:
+        return replace(life, comments=life.comments + 1, history=(*life.history, entry))
+    plan = action.plan
+    entry |= {"assignee": plan.assignee, "due_at": _text(plan.due_at), "work_order": plan.work_order}
+    return replace(life, plan=plan, history=(*life.history, entry))
 
 
 def _noted(life: Life, event: str, point: Point, reason: str | None = None) -> Life:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, Literal
 
-from sqlalchemy import ColumnElement, Select, and_, or_, select, tuple_
+from sqlalchemy import ColumnElement, Select, and_, not_, or_, select, tuple_
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
@@ -44,6 +44,12 @@ def is_shelved(row: Alarm, now: datetime) -> bool:
     return row.withdrawn_at is None and row.shelved_until is not None and row.shelved_until > now
 
 
+def is_overdue(row: Alarm, now: datetime) -> bool:
+    """True where the day is past until which an alarm should have been seen to, while it still wants that."""
+    wants = state_of(row) not in ("withdrawn", "closed", "cleared_acknowledged")
+    return wants and row.due_at is not None and row.due_at < now
+
+
 def shown(row: Alarm, serial: str, pump_type: str, now: datetime | None = None) -> answers.Alarm:
     """One alarm in the shape of the API."""
     return {
@@ -69,6 +75,11 @@ def shown(row: Alarm, serial: str, pump_type: str, now: datetime | None = None) 
         "closed_at": instant(row.closed_at),
         "withdrawn_at": instant(row.withdrawn_at),
         "cause": row.cause,
+        "assignee": row.assignee,
+        "due_at": instant(row.due_at),
+        "overdue": is_overdue(row, now or datetime.now(UTC)),
+        "work_order": row.work_order,
+        "comments": row.comments,
         "changed_at": instant(row.changed_at),
         "history": row.history,
     }
@@ -86,6 +97,9 @@ class Wanted:
     priority: str | None = None
     side: str | None = None
     verdict_state: str | None = None
+    assignee: str | None = None
+    work_order: str | None = None
+    overdue: bool | None = None
 
 
 _ALL = Wanted()
@@ -103,11 +117,16 @@ def alarms(principal: Principal, wanted: Wanted = _ALL, after: Sequence[Any] | N
         Alarm.priority: wanted.priority,
         Alarm.side: wanted.side,
         Alarm.verdict_state: wanted.verdict_state,
+        Alarm.assignee: wanted.assignee,
+        Alarm.work_order: wanted.work_order,
     }
     query = query.where(*(column == value for column, value in equal.items() if value is not None))
     if wanted.aircraft is not None:
         there = select(StoredAssessment.record_id).where(StoredAssessment.aircraft == wanted.aircraft)
         query = query.where(Alarm.record_id.in_(there))
+    if wanted.overdue is not None:
+        late = and_(_is_in("open"), Alarm.due_at.is_not(None), Alarm.due_at < datetime.now(UTC))
+        query = query.where(late if wanted.overdue else not_(late))
     if wanted.state is not None:
         query = query.where(_is_in(wanted.state))
     if after is not None:

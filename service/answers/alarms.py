@@ -4,6 +4,7 @@ from typing import NotRequired
 
 from typing_extensions import TypedDict
 
+from service.answers.shares import Share
 from service.answers.words import Cause, Instant, Priority, Side, State, shape
 
 
@@ -12,7 +13,7 @@ class AlarmEvent(TypedDict):
     """Something that happened to an alarm: by its records, or by a person (then with `by`)."""
 
     event: str
-    """What happened: `raised`, `escalated`, `cleared`, `acknowledged`, `shelved`, `closed` …"""
+    """What happened: `raised`, `escalated`, `cleared`, `acknowledged`, `shelved`, `closed`, `commented`, `planned` …"""
     at: Instant | None
     """When: of records in event time, of persons when they did it."""
     reason: str | None
@@ -29,6 +30,12 @@ class AlarmEvent(TypedDict):
     """End of the shelf."""
     effective: NotRequired[bool]
     """False where the alarm had become more urgent than what the person had seen."""
+    assignee: NotRequired[str | None]
+    """Of `planned`: who sees to it from then on."""
+    due_at: NotRequired[Instant | None]
+    """Of `planned`: until when."""
+    work_order: NotRequired[str | None]
+    """Of `planned`: number of the work order in another system."""
 
 
 @shape
@@ -80,10 +87,103 @@ class Alarm(TypedDict):
     """When the records no longer supported it."""
     cause: str | None
     """Why it was withdrawn."""
+    assignee: str | None
+    """Who sees to it; null where nobody was named."""
+    due_at: Instant | None
+    """Until when it shall be seen to."""
+    overdue: bool
+    """Whether that is past while the alarm still wants attention or an end."""
+    work_order: str | None
+    """Number of its work order in another system."""
+    comments: int
+    """Number of comments in its history (a count)."""
     changed_at: Instant
     """When anything of it last changed."""
     history: list[AlarmEvent]
     """Everything that happened to it, in order."""
+
+
+@shape
+class AlarmHandled(TypedDict):
+    """What became of one alarm of many."""
+
+    id: str
+    """Id of the alarm."""
+    done: bool
+    """Whether it was done."""
+    alarm: Alarm | None
+    """The alarm as it is now; null where nothing was done."""
+    problem: str | None
+    """Why nothing was done."""
+
+
+@shape
+class AlarmsHandled(TypedDict):
+    """What became of many alarms about which the same was to be done."""
+
+    done: int
+    """Number of alarms about which it was done (a count)."""
+    items: list[AlarmHandled]
+    """Each alarm, in the order that was given."""
+
+
+@shape
+class AlarmFigures(TypedDict):
+    """How often alarms came, how long they lasted, and how many of them were a nuisance."""
+
+    raised: int
+    """Number of alarms raised (a count), without the withdrawn."""
+    open: int
+    """Number of them that want attention or an end now (a count)."""
+    cleared: int
+    """Number of them whose condition has ended (a count)."""
+    withdrawn: int
+    """Number of alarms that the records no longer support (a count); in no other figure."""
+    escalations: int
+    """Number of times that one became more urgent (a count)."""
+    reopened: int
+    """Number of times that one asked again after somebody had dealt with it (a count)."""
+    median_days: float | None
+    """Median duration from onset to clearance, in days of event time; null without any that cleared."""
+    longest_days: float | None
+    """Longest duration from onset to clearance, in days of event time."""
+    median_hours_to_acknowledge: float | None
+    """Median time from when the alarm was known to its first acknowledgement, in hours."""
+    nuisance: Share
+    """Of the alarms that are decided, those that ended without anything having been done or found, or that a finding
+    refuted. Decided: cleared, or refuted by a finding."""
+
+
+@shape
+class KindFigures(AlarmFigures):
+    """Figures of one kind of alarm."""
+
+    verdict_state: State
+    """State of the verdict that they stand for."""
+
+
+@shape
+class PumpFigures(AlarmFigures):
+    """Figures of one pump."""
+
+    pump_serial: str
+    """Serial number of the pump."""
+    operator: str
+    """Operator that it belongs to."""
+
+
+@shape
+class AlarmStatistics(TypedDict):
+    """Alarms raised within a time, counted."""
+
+    all: AlarmFigures
+    """Of all of them."""
+    by_kind: list[KindFigures]
+    """By the state of the verdict, the most frequent first."""
+    by_pump: list[PumpFigures]
+    """By pump, the most frequent first; those with the most alarms where there are more than `limit`."""
+    pumps: int
+    """Number of pumps that had any (a count)."""
 
 
 @shape

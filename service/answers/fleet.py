@@ -3,23 +3,8 @@
 from typing_extensions import TypedDict
 
 from service.answers.pumps import Pump, TrendPoint
+from service.answers.shares import Share
 from service.answers.words import shape
-
-
-@shape
-class Share(TypedDict):
-    """A share of cases with its Wilson 95 % interval."""
-
-    cases: int
-    """Number of cases (a count)."""
-    of: int
-    """Number that they are out of (a count)."""
-    share: float | None
-    """Their share, from 0 to 1; null without any."""
-    low: float | None
-    """Lower end of the share's interval."""
-    high: float | None
-    """Upper end of the share's interval."""
 
 
 @shape
@@ -48,8 +33,12 @@ class FleetSummary(TypedDict):
     """Number of pumps by the state of their verdict (counts)."""
     by_side: dict[str, int]
     """Number of pumps by the side of their verdict (counts)."""
+    attention_pumps: int
+    """Number of pumps that want attention (a count)."""
     attention: list[Pump]
     """Pumps that want attention, the most urgent first."""
+    silent_pumps: int
+    """Number of pumps that have sent nothing for unusually long (a count)."""
     silent: list[Pump]
     """Pumps that have sent nothing for unusually long."""
     findings: Agreement

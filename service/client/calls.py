@@ -1,13 +1,13 @@
 """The core of both clients: every call as a request with the shape of its answer; nothing here waits or connects."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Generic, TypeVar
 from urllib.parse import quote
 
 from service.answers.administration import AuditEntry, Key, KeyMade, Operator
-from service.answers.alarms import Alarm
+from service.answers.alarms import Alarm, AlarmsHandled, AlarmStatistics
 from service.answers.fleet import FleetSummary
 from service.answers.history import Finding, MaintenanceEvent, PlaceInTime
 from service.answers.jobs import Job, JobItem, JobWithItems
@@ -185,6 +185,26 @@ def alarms(**filters: object) -> PagedCall[Alarm]:
 def act_on_alarm(alarm_id: str, action: str, body: Body) -> Call[Alarm]:
     """Acknowledge, shelve, unshelve or close an alarm."""
     return Call("POST", f"/alarms/{_name(alarm_id)}/{action}", {"json": dict(body)})
+
+
+def act_on_alarms(alarm_ids: Iterable[str], action: str, body: Body) -> Call[AlarmsHandled]:
+    """Do the same about many alarms."""
+    return Call("POST", "/alarms/actions", {"json": {"alarms": list(alarm_ids), "action": action, **body}})
+
+
+def plan_alarm(alarm_id: str, body: Body) -> Call[Alarm]:
+    """Say who sees to an alarm, until when, under which work order."""
+    return Call("PATCH", f"/alarms/{_name(alarm_id)}", {"json": dict(body)})
+
+
+def comment_on_alarm(alarm_id: str, text: str) -> Call[Alarm]:
+    """Say something about an alarm."""
+    return Call("POST", f"/alarms/{_name(alarm_id)}/comments", {"json": {"text": text}})
+
+
+def alarm_statistics(**filters: object) -> Call[AlarmStatistics]:
+    """How often alarms came, how long they lasted, how many were a nuisance."""
+    return _get("/alarms/statistics", **filters)
 
 
 def thresholds(scope: str, scope_id: str, operator: str | None) -> Call[Thresholds]:

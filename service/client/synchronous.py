@@ -1,7 +1,7 @@
 """The synchronous client."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from types import TracebackType
 from typing import Any, Self
@@ -9,7 +9,7 @@ from typing import Any, Self
 import httpx2
 
 from service.answers.administration import AuditEntry, Key, KeyMade, Operator
-from service.answers.alarms import Alarm
+from service.answers.alarms import Alarm, AlarmsHandled, AlarmStatistics
 from service.answers.fleet import FleetSummary
 from service.answers.history import Finding, MaintenanceEvent, PlaceInTime
 from service.answers.jobs import Job, JobItem, JobWithItems
@@ -188,6 +188,22 @@ class Client:
     def act_on_alarm(self, alarm_id: str, action: str, **body: Value) -> Alarm:
         """``acknowledge``, ``shelve``, ``unshelve`` or ``close`` an alarm."""
         return self.answer(calls.act_on_alarm(alarm_id, action, body))
+
+    def act_on_alarms(self, alarm_ids: Iterable[str], action: str, **body: Value) -> AlarmsHandled:
+        """The same for many, ``plan`` and ``comment`` too; what could not be done is said of each."""
+        return self.answer(calls.act_on_alarms(alarm_ids, action, body))
+
+    def plan_alarm(self, alarm_id: str, **body: Value) -> Alarm:
+        """Set ``assignee``, ``due_at``, ``work_order`` of an alarm; None takes back, what is not named stays."""
+        return self.answer(calls.plan_alarm(alarm_id, body))
+
+    def comment_on_alarm(self, alarm_id: str, text: str) -> Alarm:
+        """Add a comment to an alarm's history."""
+        return self.answer(calls.comment_on_alarm(alarm_id, text))
+
+    def alarm_statistics(self, **filters: Value) -> AlarmStatistics:
+        """How often, how long, how many for nothing; filters are those of ``GET /alarms/statistics``."""
+        return self.answer(calls.alarm_statistics(**filters))
 
     def thresholds(self, scope: str, scope_id: str, operator: str | None = None) -> Thresholds:
         """What holds in one layer."""

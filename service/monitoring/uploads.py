@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from service.history.analysis import RecordAnalysis, keep_analysis
+from service.history.overview import overview_of
 from service.ingest.decode import DecodedRecord
 from service.ingest.mapping_version import MappingVersion
 from service.storage.spool import SpooledFile
@@ -64,6 +65,7 @@ def fill(row: Record, pump_id: int, decoded: DecodedRecord, identity: str, analy
     row.pump_type = metadata.pump_type
     row.attributes = dict(decoded.recording.attributes)
     keep_analysis(row, analysis)
+    row.overview = overview_of(decoded.recording)
 
 
 def request_hash_of(operator: str, upload: Upload) -> str:

@@ -12,7 +12,8 @@ from sqlalchemy.orm import Session
 from detectors.words.states import QUIET
 from detectors.words.verdict import FAULTS, SIDE_OF, State
 from service.access.security import Principal
-from service.answers.fleet import Agreement, Share
+from service.answers.fleet import Agreement
+from service.answers.shares import Share
 from service.storage.tables import Finding, Pump, StoredAssessment
 from service.storage.tables.history import NO_FAULT_FOUND
 
@@ -60,13 +61,14 @@ def rates(judged: Iterable[JudgedFinding]) -> Agreement:
     right = [j for j in named if SIDE_OF[State(j.found)] is SIDE_OF[State(str(j.state))]]
     return {
         "count": len(judged),
-        "false_alarms": _share(sum(j.found == NO_FAULT_FOUND for j in alarms), len(alarms)),
-        "missed": _share(sum(not j.was_alarm for j in faults), len(faults)),
-        "side_right": _share(len(right), len(named)),
+        "false_alarms": share_of(sum(j.found == NO_FAULT_FOUND for j in alarms), len(alarms)),
+        "missed": share_of(sum(not j.was_alarm for j in faults), len(faults)),
+        "side_right": share_of(len(right), len(named)),
     }
 
 
-def _share(cases: int, of: int) -> Share:
+def share_of(cases: int, of: int) -> Share:
+    """Share of ``cases`` out of ``of`` with its Wilson 95 % interval; nulls without any."""
     if of == 0:
         return {"cases": 0, "of": 0, "share": None, "low": None, "high": None}
     interval = binomtest(cases, of).proportion_ci(0.95, method="wilson")

@@ -1,5 +1,6 @@
 """The fleet as stored answers show it: pumps with where they sit and how they are."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from sqlalchemy.orm import Session
@@ -12,25 +13,32 @@ from service.history.verdicts import empty_verdict
 from service.pump_types.parameter_sets import held_type
 from service.reading import queries
 from service.reading.ranking import by_state
-from service.reading.silence import Silence, silent_pumps
-from service.storage.tables import Pump, StoredAssessment, case_pressure_beyond
+from service.reading.silence import removed
+from service.reading.standing import Standing, standings
+from service.storage.tables import Pump, case_pressure_beyond
 from service.thresholds.layers import thresholds_of_many
 
 
 def pump_documents(session: Session, rows: list[Pump]) -> list[answers.Pump]:
     """Pumps as the API shows them, with where they were last seen and how they are."""
+    return pumps_standing(session, rows)[0]
+
+
+def pumps_standing(session: Session, rows: Sequence[Pump]) -> tuple[list[answers.Pump], dict[int, Standing]]:
+    """The same with what they were made of, for whoever asks on."""
     ids = [row.id for row in rows]
-    newest, counts = queries.last_assessments(session, ids), queries.n_records(session, ids)
-    silent = silent_pumps(session, ids, datetime.now(UTC))
-    flights = queries.flights_of(session, [assessment.record_id for assessment in newest.values()])
-    empty = _empty_verdicts(session, [row for row in rows if row.id not in newest])
-    found = []
+    found = standings(session, ids)
+    now = datetime.now(UTC)
+    gone = removed(session, [i for i in ids if i in found and found[i].unusual_from < now], now)
+    empty = _empty_verdicts(session, [row for row in rows if row.id not in found])
+    shown = []
     for row in rows:
-        last = newest.get(row.id)
-        flight = flights.get(last.record_id) if last is not None else None
-        verdict = empty[row.id] if last is None else last.verdict
-        found.append(_pump(row, last, verdict, flight, counts.get(row.id, 0), silent.get(row.id)))
-    return found
+        standing = found.get(row.id)
+        if standing is None:
+            shown.append(_without_records(row, empty[row.id]))
+        else:
+            shown.append(_pump(row, standing, standing.unusual_from < now and row.id not in gone))
+    return shown, found
 
 
 def _empty_verdicts(session: Session, rows: list[Pump]) -> dict[int, Verdict]:
@@ -47,26 +55,42 @@ def _empty_verdicts(session: Session, rows: list[Pump]) -> dict[int, Verdict]:
     return found
 
 
-def _pump(
-    row: Pump,
-    newest: StoredAssessment | None,
-    verdict: Verdict,
-    last: queries.Flight | None,
-    n_records: int,
-    silence: Silence | None,
-) -> answers.Pump:
+def _pump(row: Pump, standing: Standing, silent: bool) -> answers.Pump:
     return {
         "serial": row.serial,
         "operator": row.operator,
         "pump_type": row.pump_type,
         "confirmed": row.confirmed,
-        "aircraft": newest.aircraft if newest else None,
-        "position": newest.position if newest else None,
-        "records": n_records,
-        "last_record_at": instant(last.started_at) if last else None,
-        "flight_hours": last.flight_hours if last else None,
-        "silent": silence is not None,
-        "silence_unusual_from": instant(silence.unusual_from) if silence else None,
+        "aircraft": standing.aircraft,
+        "position": standing.position,
+        "records": standing.records,
+        "last_record_at": instant(standing.started_at),
+        "flight_hours": standing.flight_hours,
+        "silent": silent,
+        "silence_unusual_from": instant(standing.unusual_from) if silent else None,
+        "state": standing.state,
+        "side": standing.side,
+        "since": standing.since,
+        "confidence": standing.confidence,
+        "candidates": list(standing.candidates),
+        "advice": standing.advice,
+        "case_pressure_beyond": standing.case_pressure_beyond,
+    }
+
+
+def _without_records(row: Pump, verdict: Verdict) -> answers.Pump:
+    return {
+        "serial": row.serial,
+        "operator": row.operator,
+        "pump_type": row.pump_type,
+        "confirmed": row.confirmed,
+        "aircraft": None,
+        "position": None,
+        "records": 0,
+        "last_record_at": None,
+        "flight_hours": None,
+        "silent": False,
+        "silence_unusual_from": None,
         "state": verdict["state"],
         "side": verdict["side"],
         "since": verdict["since"],

@@ -24,6 +24,7 @@ from service.answers.verdicts import Crossing, Verdict
 from service.history.knowledge import installation_intervals
 from service.history.placement import changes
 from service.reading import queries
+from service.reading.by_link import ByLink
 from service.reading.queries import TrendOfRecord
 from service.storage.tables import Pump
 from service.thresholds.layers import thresholds_of
@@ -40,6 +41,9 @@ _TAIL = 0.05
 """Probability on either side of the interval that is shown: 90 % as everywhere."""
 
 
+_kept: ByLink[tuple[Forecasted, Crossing | None]] = ByLink(2000)
+
+
 @dataclass(frozen=True, slots=True)
 class TrendPoint:
     """One record's case flow at the reference condition [L/min] with its one-sigma error."""
@@ -52,7 +56,7 @@ class TrendPoint:
 def with_crossing(session: Session, pump: Pump, verdict: Verdict, at: datetime | None = None) -> Verdict:
     """A stored verdict with the chance of crossing the limit before the next inspection, as of an event time."""
     thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values
-    rows = [r for r in queries.trends_of_records(session, pump.id) if at is None or r.at <= at]
+    rows = [r for r in queries.trends_of_records(session, pump.id, METRIC) if at is None or r.at <= at]
     return crossed(verdict, rows, changes(installation_intervals(session, pump.id)), thresholds)
 
 
@@ -91,8 +95,32 @@ def forecast_of(session: Session, pump: Pump) -> Forecasted:
     """Forecast in the shape of the API: flight hours with their 90 % interval, or the reason why there are none."""
     limit = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values["case_flow_limit_lpm"]
     entered = changes(installation_intervals(session, pump.id))
-    rows = _since_installation(queries.trends_of_records(session, pump.id), entered)
-    points = [p for p in map(_point, rows) if p is not None]
+    return _forecasted(queries.trends_of_records(session, pump.id, METRIC), entered, limit)
+
+
+def forecast_and_crossing(session: Session, pump: Pump, verdict: Verdict) -> tuple[Forecasted, Verdict]:
+    """What ``forecast_of`` and ``with_crossing`` give now, from one reading of the pump's records for each state of them."""
+    thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values
+    entered = changes(installation_intervals(session, pump.id))
+    limit, interval = thresholds["case_flow_limit_lpm"], thresholds["inspection_interval_h"]
+
+    def read(pump_ids: list[int]) -> dict[int, tuple[Forecasted, Crossing | None]]:
+        rows = queries.trends_of_records(session, pump.id, METRIC)
+        return {
+            i: (_forecasted(rows, entered, limit), crossed(verdict, rows, entered, thresholds)["crossing"])
+            for i in pump_ids
+        }
+
+    given = repr((limit, interval, entered, verdict.get("probability_beyond_limit")))
+    found = _kept.of(session, [pump.id], read, given)
+    if pump.id not in found:
+        return _forecasted([], entered, limit), crossed(verdict, [], entered, thresholds)
+    forecast, crossing = found[pump.id]
+    return forecast, {**verdict, "crossing": crossing}
+
+
+def _forecasted(records: Sequence[TrendOfRecord], entered: Sequence[datetime], limit: float) -> Forecasted:
+    points = [p for p in map(_point, _since_installation(records, entered)) if p is not None]
     found = forecast_of_trend(points, limit)
     document: Forecasted = {
         "flight_hours": None,

@@ -227,24 +227,16 @@ class TrendOfRecord:
     trend: dict[str, Estimate]
 
 
-def trends_of_records(session: Session, pump_id: int) -> list[TrendOfRecord]:
-    """A pump's trend points with their place and flight hours, in event order."""
+def trends_of_records(session: Session, pump_id: int, metric: str) -> list[TrendOfRecord]:
+    """A pump's points of one metric with their place and flight hours, in event order."""
     kept = StoredAssessment
-    query = select(kept.at, kept.aircraft, kept.position, Record.flight_hours, kept.state, kept.trend).join(
-        Record, Record.id == StoredAssessment.record_id
-    )
-    query = query.where(StoredAssessment.pump_id == pump_id)
-    rows = session.execute(query.order_by(StoredAssessment.at, StoredAssessment.record_id))
-    return [TrendOfRecord(*row) for row in rows]
-
-
-def assessments_at(operator: str, aircraft: str, position: str) -> Select[StoredAssessment, str]:
-    """Assessments of whatever pump sat at a position, with its serial, in event order."""
-    query = select(StoredAssessment, Pump.serial).join(Pump, StoredAssessment.pump_id == Pump.id)
-    query = query.where(
-        Pump.operator == operator, StoredAssessment.aircraft == aircraft, StoredAssessment.position == position
-    )
-    return query.order_by(StoredAssessment.at, StoredAssessment.record_id)
+    query = select(kept.at, kept.aircraft, kept.position, Record.flight_hours, kept.state, kept.trend[metric])
+    query = query.join(Record, Record.id == kept.record_id).where(kept.pump_id == pump_id)
+    rows = session.execute(query.order_by(kept.at, kept.record_id))
+    return [
+        TrendOfRecord(at, aircraft, position, hours, state, {} if value is None else {metric: value})
+        for at, aircraft, position, hours, state, value in rows
+    ]
 
 
 def newest_assessments(session: Session, pump_id: int, n: int) -> list[StoredAssessment]:
@@ -283,6 +275,12 @@ def newest_flows(session: Session, pump_ids: Sequence[int], n: int) -> dict[int,
 
 def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, StoredAssessment]:
     """The newest assessment of each pump that has one."""
+    query = select(StoredAssessment).where(StoredAssessment.record_id.in_(newest_records(pump_ids)))
+    return {a.pump_id: a for a in session.scalars(query)}
+
+
+def newest_records(pump_ids: Sequence[int]) -> Select[str | None]:
+    """Ids of the records of each pump's newest assessment."""
     # pump by pump from the end of the index: numbering the rows of whole histories grows with their length
     newest = (
         select(StoredAssessment.record_id)
@@ -292,8 +290,7 @@ def last_assessments(session: Session, pump_ids: Sequence[int]) -> dict[int, Sto
         .correlate(Pump)
         .scalar_subquery()
     )
-    query = select(StoredAssessment).where(StoredAssessment.record_id.in_(select(newest).where(Pump.id.in_(pump_ids))))
-    return {a.pump_id: a for a in session.scalars(query)}
+    return select(newest).where(Pump.id.in_(pump_ids))
 
 
 def verdict(session: Session, row: Pump, at: datetime | None = None) -> Verdict:
@@ -310,11 +307,12 @@ def verdict(session: Session, row: Pump, at: datetime | None = None) -> Verdict:
 
 def verdict_changes(session: Session, row: Pump) -> list[StoredAssessment]:
     """The assessments at which the pump's state changed, in event order."""
-    changes: list[StoredAssessment] = []
-    for assessment in session.scalars(assessments(row.id)):
-        if not changes or changes[-1].state != assessment.state:
-            changes.append(assessment)
-    return changes
+    kept = StoredAssessment
+    before = func.lag(kept.state).over(order_by=(kept.at, kept.record_id)).label("before")
+    states = select(kept.record_id, kept.state, before).where(kept.pump_id == row.id).subquery()
+    # whole verdicts of those only: a long history has hundreds for each change
+    changed = select(states.c.record_id).where(states.c.before.is_(None) | (states.c.before != states.c.state))
+    return list(session.scalars(assessments(row.id).where(kept.record_id.in_(changed))))
 
 
 def revisions(pump_id: int, after: int | None = None) -> Select[VerdictRevision]:

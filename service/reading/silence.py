@@ -45,6 +45,17 @@ def patience(starts: Sequence[datetime]) -> timedelta:
 
 def silent_pumps(session: Session, pump_ids: Collection[int], now: datetime) -> dict[int, Silence]:
     """Pumps that are silent at an instant, of those given; one that an entry says was removed is not expected to speak."""
+    silences = _habits(session, pump_ids)
+    gone = removed(session, pump_ids, now)
+    return {i: s for i, s in silences.items() if s.unusual_from < now and i not in gone}
+
+
+def unusual_from(session: Session, pump_ids: Collection[int]) -> dict[int, datetime]:
+    """Instant from which on each pump's silence is unusual; none of pumps without a record."""
+    return {i: s.unusual_from for i, s in _habits(session, pump_ids).items()}
+
+
+def _habits(session: Session, pump_ids: Collection[int]) -> dict[int, Silence]:
     earlier = aliased(StoredAssessment)
     oldest_counted = (
         select(earlier.at)
@@ -65,12 +76,10 @@ def silent_pumps(session: Session, pump_ids: Collection[int], now: datetime) -> 
     starts: dict[int, list[datetime]] = {}
     for pump_id, at in session.execute(query):
         starts.setdefault(pump_id, []).append(at)
-    silences = {i: Silence(found[-1], found[-1] + patience(found)) for i, found in starts.items()}
-    removed = _removed(session, pump_ids, now)
-    return {i: s for i, s in silences.items() if s.unusual_from < now and i not in removed}
+    return {i: Silence(found[-1], found[-1] + patience(found)) for i, found in starts.items()}
 
 
-def _removed(session: Session, pump_ids: Collection[int], now: datetime) -> set[int]:
+def removed(session: Session, pump_ids: Collection[int], now: datetime) -> set[int]:
     """Pumps with entered installations of which none lasts."""
     entered = select(Installation.pump_id).where(
         Installation.pump_id.in_(pump_ids), Installation.withdrawn_at.is_(None), Installation.installed_at <= now

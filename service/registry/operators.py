@@ -140,7 +140,7 @@ def expire(database: Database, raw_store: RawStore, now: datetime) -> int:
         gone = sorted(old - set(session.scalars(needed)) - set(session.scalars(needed_archives)))
         for digest in gone:
             marked = update(Record).where(Record.content_hash == digest, Record.raw_removed_at.is_(None))
-            session.execute(marked.values(raw_removed_at=now))
+            session.execute(marked.values(raw_removed_at=now, overview=None))
         return sum(raw_store.remove(digest) for digest in gone)
 
 

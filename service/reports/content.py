@@ -14,7 +14,7 @@ from service.answers.words import instant
 from service.history.knowledge import entries
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
-from service.reading.fleet import pump_documents
+from service.reading.fleet import pump_documents, pumps_standing
 from service.reading.forecast import forecast_of, with_crossing
 from service.reading.ranking import ranked
 from service.reading.trend import points_of, thinned
@@ -41,7 +41,7 @@ class Period:
 
 def overview(session: Session, principal: Principal, rows: Sequence[Pump], period: Period) -> FleetOverview:
     """The fleet as it stands now, ranked with reasons, and how often the workshop agreed; alarms of the period."""
-    ranking = ranked(session, rows, pump_documents(session, list(rows)))
+    ranking = ranked(session, rows, *pumps_standing(session, rows))
     ids = {row.id for row in rows}
     found = [
         reading.shown(alarm, serial, kind)

@@ -17,13 +17,15 @@ class Line:
     points: Sequence[Place | None]
 
 
-def twin_svg(title: str, names: tuple[str, str], lines: Sequence[Line], marked: Place | None) -> str:
-    """Picture of curves in one plane; ``names`` are those of both axes, with units.
+def twin_svg(
+    title: str, names: tuple[str, str], lines: Sequence[Line], marked: Place | None, margin: float = 0.5
+) -> str:
+    """Picture of curves in one plane; ``names`` are those of both axes, with units, ``margin`` the least of the horizontal one.
 
     The first line is drawn through, the second dashed; both are named under the title.
     """
     known = [p for line in lines for p in line.points if p is not None] + ([marked] if marked else [])
-    left, right = padded([x for x, _ in known], smallest=0.5)
+    left, right = padded([x for x, _ in known], smallest=margin)
     low, high = padded([y for _, y in known], smallest=0.05)
     frame = Frame(64, 62, _WIDTH - 14, _HEIGHT - 46, left, right, low, high)
     body = axes(frame, names[0], names[1])

@@ -279,6 +279,7 @@ def thresholds_of_many(session: Session, pumps: Sequence[Pump]) -> dict[int, Eff
     newest, kinds = _newest_rows(session), {}
     held = held_pumps(session)
     found: dict[int, Effective] = {}
+    alike: dict[tuple[object, ...], Effective] = {}
     for pump in pumps:
         place = (pump.operator, pump.pump_type)
         if place not in kinds:
@@ -289,7 +290,11 @@ def thresholds_of_many(session: Session, pumps: Sequence[Pump]) -> dict[int, Eff
             found[pump.id] = effective_thresholds(session, layers, kind=kind)
             continue
         rows = [(scope, newest[scope]) for scope in layers if scope in newest]
-        found[pump.id] = _laid([(scope, row.values, row.number) for scope, row in rows], kind)
+        # most pumps of a type have the same layers: what lies over what is worked out once for them
+        same = (place[1], id(kind), *(row.number for _, row in rows))
+        if same not in alike:
+            alike[same] = _laid([(scope, row.values, row.number) for scope, row in rows], kind)
+        found[pump.id] = alike[same]
     return found
 
 

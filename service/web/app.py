@@ -18,6 +18,7 @@ from service.web.dashboard.frame import STATIC
 from service.web.dashboard.routers import dashboard_router
 from service.web.dependencies import settled
 from service.web.edge import Edge
+from service.web.foreign import Foreign
 from service.web.problems import handle_problems
 from service.web.routes import (
     aircraft,
@@ -49,6 +50,7 @@ from service.web.routes import (
 from service.web.routes import twin as twin_routes
 from service.web.traces import telemetry
 from service.web.whole_names import WholeNames, whole_names
+from service.web.wire import Wire
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -114,5 +116,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.mount("/static", STATIC, name="static")
     handle_problems(app)
     app.add_middleware(WholeNames)
+    app.add_middleware(Foreign)
+    app.add_middleware(Wire)
     app.add_middleware(Edge)
     return app

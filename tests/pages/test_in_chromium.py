@@ -4,40 +4,25 @@ Run by ``make pages``. ``CASEDRAIN_IMAGES`` names a folder that the screenshots 
 """
 
 import os
-import shutil
-import socket
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from service.client import Client
-from service.demo.fleet import PUMPS, pump_records
-from service.demo.run import served
-from service.settings import Settings
+from tests.pages.conftest import SCREENS
 from tests.service.records import body
 
 pytestmark = [pytest.mark.pages, pytest.mark.timeout(1800)]
-ARGUMENTS = (
-    "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--disable-quic",
-)  # fmt: skip
-SCREENS = {
-    "light": {"viewport": {"width": 1280, "height": 900}, "color_scheme": "light"},
-    "dark": {"viewport": {"width": 1280, "height": 900}, "color_scheme": "dark"},
-    "tablet": {"viewport": {"width": 768, "height": 1024}, "color_scheme": "light"},
-    "phone": {"viewport": {"width": 380, "height": 800}, "color_scheme": "light"},
-}
 SHOWN = ("light", "dark", "phone")
 """Screens of which pictures are kept."""
-FLIGHTS = 20
 PAGES = {
     "fleet": "/",
     "pump": "/pumps/{worn}",
     "records": "/records?pump={worn}",
     "record": "/records/{record}",
     "alarms": "/alarms",
+    "alarm": "/alarms/{alarm}",
+    "alarm-statistics": "/alarms/statistics",
     "upload": "/upload",
     "thresholds": "/thresholds?scope=pump&id={worn}",
     "engineer": "/engineer?pump_leakage_scale=2&study=true",
@@ -54,48 +39,6 @@ PAGES = {
     "docs": "/docs",
     "nothing": "/nothing-here",
 }
-
-
-@pytest.fixture(scope="module")
-def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = int(probe.getsockname()[1])
-    settings = Settings(database_url="", data_dir=tmp_path_factory.mktemp("pages"), auth="off")
-    with served(settings, "127.0.0.1", port) as found:
-        with Client(found) as client:
-            for pump in PUMPS[:2]:
-                for record in pump_records(pump, FLIGHTS, seed=1):
-                    client.upload(record.content)
-        yield found
-
-
-@pytest.fixture(scope="module")
-def names(address: str) -> dict[str, str]:
-    with Client(address) as client:
-        record = next(iter(client.records(pump=PUMPS[1].serial)))
-    return {"worn": PUMPS[1].serial, "aircraft": PUMPS[1].aircraft, "record": record["record_id"]}
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    found = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    assert found, "make pages needs Chromium: install the package chromium"
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=found, args=list(ARGUMENTS))
-        yield running
-        running.close()
-
-
-@pytest.fixture
-def page(browser: Any, address: str) -> Iterator[Any]:
-    context = browser.new_context(base_url=address, **SCREENS["light"])
-    opened = context.new_page()
-    opened.set_default_timeout(30_000)
-    yield opened
-    context.close()
 
 
 @pytest.mark.parametrize("screen", SCREENS)
@@ -142,6 +85,36 @@ def test_a_file_is_uploaded_and_one_is_refused(page: Any) -> None:
     assert "from=" in page.url
     page.get_by_role("navigation", name="Main").get_by_role("link", name="Records").click()
     assert "Refused at the door" in page.inner_text("main")
+
+
+def test_an_alarm_is_planned_commented_and_counted(page: Any, names: dict[str, str]) -> None:
+    page.goto("/")
+    page.get_by_role("navigation", name="Main").get_by_role("link", name="Alarms").click()
+    page.goto(f"/alarms?every=true&pump={names['worn']}")
+    page.locator("tbody input[type=checkbox]").first.check()
+    page.locator("[name=action]").select_option("plan")
+    page.get_by_label("Assign to").fill("line 2")
+    page.get_by_label("Due (UTC)").fill("2099-05-08T12:00")
+    page.get_by_role("button", name="Do it").click()
+    row = page.locator("tbody tr", has=page.get_by_role("link", name=names["worn"], exact=True)).first
+    assert "line 2" in row.inner_text()
+    row.get_by_role("link", name="The alarm of pump").click()
+    form = page.locator("form", has=page.get_by_role("button", name="Save the plan"))
+    assert form.get_by_label("Seen to by").input_value() == "line 2"
+    form.get_by_label("Work order").fill("WO-4711")
+    form.get_by_role("button").click()
+    page.get_by_label("Comment").fill("oil sample sent")
+    page.get_by_role("button", name="Comment").click()
+    said = page.inner_text("ol.history")
+    assert "order WO-4711" in said
+    assert "oil sample sent" in said
+    page.get_by_role("link", name="inbox").click()
+    page.goto("/alarms?every=true&assignee=line 2")
+    assert "1 comment" in page.inner_text("tbody")
+    page.get_by_role("link", name="How often, how long").click()
+    assert names["worn"] in page.inner_text("main")
+    page.get_by_role("link", name="a year").click()
+    assert "within a year" in page.inner_text("main")
 
 
 def test_an_alarm_is_acknowledged_shelved_and_closed(page: Any, names: dict[str, str]) -> None:

@@ -94,6 +94,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", f"{API}/pumps/{{serial}}/damage-identification-curve"): Entry(
         "viewer", f"{API}/pumps/{{pump}}/damage-identification-curve", True
     ),
+    ("GET", f"{API}/pumps/{{serial}}/state.svg"): Entry("viewer", f"{API}/pumps/{{pump}}/state.svg", True),
     ("DELETE", f"{API}/records/{{record_id}}"): Entry("analyst", f"{API}/records/{{record}}?reason=mistaken", True),
     ("GET", f"{API}/pumps/{{serial}}/verdicts/revisions"): Entry("viewer", f"{_ENTRIES}/verdicts/revisions", True),
     ("POST", f"{API}/pumps"): Entry("engineer", f"{API}/pumps", body={"serial": "P-new"}),
@@ -189,6 +190,14 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", f"{API}/fleet/ranking"): Entry("viewer", f"{API}/fleet/ranking"),
     ("GET", f"{API}/fleet/trend"): Entry("viewer", f"{API}/fleet/trend?metric=case_residual_bar&group_by=operator"),
     ("GET", f"{API}/alarms"): Entry("viewer", f"{API}/alarms"),
+    ("GET", f"{API}/alarms/statistics"): Entry("viewer", f"{API}/alarms/statistics"),
+    ("POST", f"{API}/alarms/actions"): Entry(
+        "analyst", f"{API}/alarms/actions", body={"alarms": ["{alarm}"], "action": "comment", "reason": "seen"}
+    ),
+    ("PATCH", f"{API}/alarms/{{alarm_id}}"): Entry("analyst", f"{API}/alarms/{{alarm}}", True, {"assignee": "line 2"}),
+    ("POST", f"{API}/alarms/{{alarm_id}}/comments"): Entry(
+        "analyst", f"{API}/alarms/{{alarm}}/comments", True, {"text": "oil analysis asked for"}
+    ),
     ("GET", f"{API}/alarms/{{alarm_id}}"): Entry("viewer", f"{API}/alarms/{{alarm}}", True),
     ("POST", f"{API}/alarms/{{alarm_id}}/acknowledge"): Entry("analyst", f"{API}/alarms/{{alarm}}/acknowledge", True),
     ("POST", f"{API}/alarms/{{alarm_id}}/shelve"): Entry(
@@ -237,9 +246,14 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", f"{API}/twin/simulation"): Entry("viewer", f"{API}/twin/simulation", body=_RUN),
     ("GET", "/"): Entry(PAGE, "/"),
     ("GET", "/pumps/{serial}"): Entry(PAGE, "/pumps/{pump}", True),
+    ("GET", "/pumps/{serial}/curve.svg"): Entry(PAGE, "/pumps/{pump}/curve.svg", True),
+    ("GET", "/preferences"): Entry(PAGE, "/preferences"),
+    ("POST", "/preferences"): Entry(OPEN, "/preferences"),
     ("GET", "/records"): Entry(PAGE, "/records"),
     ("GET", "/records/{record_id}"): Entry(PAGE, "/records/{record}", True),
     ("GET", "/alarms"): Entry(PAGE, "/alarms"),
+    ("GET", "/alarms/statistics"): Entry(PAGE, "/alarms/statistics"),
+    ("GET", "/alarms/{alarm_id}"): Entry(PAGE, "/alarms/{alarm}", True),
     ("GET", "/thresholds"): Entry(PAGE, "/thresholds?scope=operator&id={operator}", True),
     ("GET", "/upload"): Entry(PAGE, "/upload", page_role="analyst"),
     ("GET", "/keys"): Entry(PAGE, "/keys", page_role="admin"),
@@ -287,6 +301,8 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("POST", "/registry/aircraft"): Entry(OPEN, "/registry/aircraft"),
     ("POST", "/registry/aircraft/{name}"): Entry(OPEN, "/registry/aircraft/{aircraft}"),
     ("POST", "/registry/aircraft/{name}/sensors"): Entry(OPEN, "/registry/aircraft/{aircraft}/sensors"),
+    ("POST", "/records/{record_id}/marks"): Entry(OPEN, "/records/{record}/marks"),
+    ("POST", "/records/{record_id}/marks/{mark_id}/withdraw"): Entry(OPEN, "/records/{record}/marks/{mark}/withdraw"),
     ("POST", "/records/{record_id}/withdraw"): Entry(OPEN, "/records/{record}/withdraw"),
     ("GET", "/sign-in"): Entry(OPEN, "/sign-in"),
     ("POST", "/sign-in"): Entry(OPEN, "/sign-in"),
@@ -316,6 +332,8 @@ def filled(value: Any, names: Mapping[str, str]) -> Any:
         for name, text in names.items():
             value = value.replace(f"{{{name}}}", text)
         return value
+    if isinstance(value, list):
+        return [filled(v, names) for v in value]
     return {k: filled(v, names) for k, v in value.items()} if isinstance(value, dict) else value
 
 

@@ -97,3 +97,32 @@ def test_a_mapping_is_written_in_a_table_and_gets_versions(guarded: TestClient) 
     assert "Store" not in page
     come_in(guarded, "sue", "analyst", "south")
     assert guarded.get("/mappings?name=hums").status_code == 404
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+def test_a_load_step_is_that_of_the_simulation(client: TestClient) -> None:
+    run = {
+        "duration_s": 0.06,
+        "sample_rate_hz": 2000.0,
+        "schedule": {
+            "time_s": [0.0, 0.02, 0.02, 0.06],
+            "discharge_flow_lpm": [0.0, 0.0, 15.0, 15.0],
+            "speed_rpm": [4600.0] * 4,
+            "fluid_temperature_degc": [50.0] * 4,
+            "reservoir_pressure_bar": [0.5] * 4,
+        },
+        "health": {"pump_leakage_scale": 3.0},
+    }
+    channels = client.post(f"{API}/twin/simulation", json=run).json()["channels"]
+    after = [v for t, v in zip(channels["time_s"], channels["discharge_pressure_bar"], strict=True) if t >= 0.02]
+    page = client.get(
+        "/engineer?step=true&fluid_temperature_degc=50&pump_leakage_scale=3&flow_after_lpm=15&step_at_s=0.02&run_s=0.06"
+    ).text
+    row = re.findall(
+        r"Discharge pressure \[bar\]</th><td>with these values</td>" + r'<td class="number">([^<]+)</td>' * 4, page
+    )
+    assert [(r[1], r[2]) for r in row] == [(f"{min(after):.2f}", f"{max(after):.2f}")]
+    assert page.count("Load step, ") >= 3
+    for query, words in (("run_s=2", "run_s"), ("step_at_s=0", "step_at_s"), ("circuit=none", "circuit")):
+        wrong = client.get(f"/engineer?step=true&{query}")
+        assert (wrong.status_code, words in wrong.text) == (422, True), query

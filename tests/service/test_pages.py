@@ -42,6 +42,14 @@ def test_the_sign_in_leads_on_to_the_page_that_was_asked_for(guarded: TestClient
     assert guarded.get(come.headers["location"]).status_code == 200
 
 
+def test_a_name_with_a_slash_leads_through_the_sign_in(guarded: TestClient) -> None:
+    asked = guarded.get("/pumps/SN%2F1?operator=north", follow_redirects=False)
+    assert asked.status_code == 303
+    page = guarded.get(asked.headers["location"])
+    wanted = re.findall(r'name="next" value="([^"]+)"', page.text)[0]
+    assert wanted.replace("&amp;", "&") == "/pumps/SN%2F1?operator=north"
+
+
 @pytest.mark.parametrize(
     "wanted",
     [

@@ -14,13 +14,15 @@ class Alarm(Base):
     """One alarm of a pump as its history and the actions of operators have it now.
 
     ``condition`` is ``active`` or ``cleared``; ``closed_at`` and ``withdrawn_at`` end it. ``shelved_until`` may lie in
-    the past: the shelf is over then. ``history`` lists what happened to it in order.
+    the past: the shelf is over then. ``history`` lists what happened to it in order. ``assignee``, ``due_at`` and
+    ``work_order`` are the last plan that somebody made for it.
     """
 
     __tablename__ = "alarms"
     __table_args__ = (
         Index("ix_alarms_pump_id_raised_at", "pump_id", "raised_at"),
         Index("ix_alarms_operator_raised_at", "operator", "raised_at"),
+        Index("ix_alarms_raised_at", "raised_at"),
     )
 
     id: Mapped[str] = mapped_column(primary_key=True)
@@ -42,6 +44,10 @@ class Alarm(Base):
     closed_at: Mapped[datetime | None]
     withdrawn_at: Mapped[datetime | None]
     cause: Mapped[str | None]
+    assignee: Mapped[str | None]
+    due_at: Mapped[datetime | None]
+    work_order: Mapped[str | None]
+    comments: Mapped[int] = mapped_column(server_default="0")
     history: Mapped[list[AlarmEvent]] = mapped_column(JSON_COLUMN)
     created_at: Mapped[datetime]
     changed_at: Mapped[datetime]
@@ -51,7 +57,7 @@ class AlarmAction(Base):
     """What somebody did about an alarm, with what there was to see at that moment; rows are only added.
 
     ``onset_at`` says which stretch of the pump's history was meant, ``seen_at`` the event time of the last record
-    known then.
+    known then. A plan is kept whole, as it was after the change.
     """
 
     __tablename__ = "alarm_actions"
@@ -63,6 +69,9 @@ class AlarmAction(Base):
     by: Mapped[str]
     reason: Mapped[str | None]
     until: Mapped[datetime | None]
+    assignee: Mapped[str | None]
+    due_at: Mapped[datetime | None]
+    work_order: Mapped[str | None]
     onset_at: Mapped[datetime]
     seen_at: Mapped[datetime]
     seen_state: Mapped[str]

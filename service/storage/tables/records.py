@@ -47,7 +47,8 @@ class Record(Base):
     metadata. ``pump_id`` and the flight's fields are empty until the bytes are decoded; ``pump_type`` is what the upload
     itself names. At most one record that counts may stand for a flight, pump and segment; one that was superseded or
     withdrawn counted until ``ended_at``. ``raw_removed_at`` is when the retention took
-    the bytes, ``reduced_with`` names everything that reduction and residuals depend on
+    the bytes, and ``overview`` with them: a thinned copy of a long record's channels. ``reduced_with`` names everything
+    that reduction and residuals depend on
     besides the bytes. ``reduction_digest``, ``has_zero_flow`` and ``has_spectrum`` are what the fold needs of a reduction
     that it does not read; they follow every reduction that is assigned, and are empty on rows older than they.
     ``finished_at`` is the instant of the last sample, ``samples_hash`` recognises the same samples under another name,
@@ -109,6 +110,7 @@ class Record(Base):
     remarks: Mapped[list[Any] | None]
     reduced_by: Mapped[dict[str, Any] | None]
     waits_for: Mapped[int | None]
+    overview: Mapped[bytes | None] = mapped_column(deferred=True)
 
     @validates("reduction")
     def _outlined(self, _name: str, reduction: StoredReduction | None) -> StoredReduction | None:

@@ -1,1 +1,1 @@
-"""Server-rendered pages: quiet, printable, usable by keyboard and without colour, no script."""
+"""Server-rendered pages: quiet, printable, usable by keyboard and without colour, one small script for charts."""

@@ -1,5 +1,6 @@
 """The inbox: alarms of the whole fleet, narrowed by filters, handled one by one or many at once."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -8,19 +9,20 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from service.alarms import reading
-from service.alarms.handling import Wish, handle
-from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
+from service.alarms.handling import Wish, handle, handle_many
+from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, COMMENT, PLAN, SHELVE, UNSHELVE
 from service.answers.alarms import Alarm
 from service.errors import Conflict, Fault, Invalid, Problem
 from service.reports.words import WORDS
-from service.web.dashboard.forms import Sent, SentForm, done, instant_of
+from service.storage.tables import Alarm as AlarmRow
+from service.web.dashboard.forms import Sent, SentForm, checked, done, instant_of
 from service.web.dashboard.frame import PageRoute, html_page, local
 from service.web.dashboard.links import address, local_address, pump_address
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes import alarms
 
 alarm_router = APIRouter(include_in_schema=False, route_class=PageRoute)
-KINDS = {"acknowledge": ACKNOWLEDGE, "shelve": SHELVE, "unshelve": UNSHELVE, "close": CLOSE}
+KINDS = (ACKNOWLEDGE, SHELVE, UNSHELVE, CLOSE, COMMENT, PLAN)
 _PER_PAGE = 50
 _MOST_AT_ONCE = 200
 _STATES = {
@@ -33,6 +35,8 @@ _STATES = {
     "withdrawn": "withdrawn",
 }
 _USUAL_SHELF = timedelta(hours=24)
+_PLAN = ("assignee", "due_at", "work_order")
+_SPANS = {"30": "30 days", "90": "90 days", "365": "a year", "": "all"}
 
 
 @alarm_router.get("/alarms", response_class=HTMLResponse)
@@ -62,12 +66,53 @@ def alarms_page(
         "next": address("alarms", query={**query, "cursor": found["next"]}) if found["next"] else None,
         "first": address("alarms", query=query) if cursor else None,
         "here": address("alarms", query={**query, "cursor": cursor}),
+        "late": address("alarms", query={**query, "overdue": None if filters.overdue else "true"}),
+        "assignees": _assignees(context, asker),
         "may_act": asker.may("analyst"),
         "usual_shelf": local(now + _USUAL_SHELF),
         "priorities": ("critical", "high", "medium", "low"),
         "sides": ("pump", "system", "sensor", "unknown"),
     }
     return html_page("alarms.html", 200, values)
+
+
+def _assignees(context: ContextOf, asker: Asker) -> list[str]:
+    """Who sees to alarms already, to be chosen again."""
+    query = reading.alarms(asker).order_by(None).with_only_columns(AlarmRow.assignee).distinct()
+    with context.database.reading() as session:
+        found = session.scalars(query.where(AlarmRow.assignee.is_not(None)).order_by(AlarmRow.assignee).limit(50))
+        return [str(name) for name in found]
+
+
+@alarm_router.get("/alarms/statistics", response_class=HTMLResponse)
+def statistics_page(request: Request, context: ContextOf, asker: Asker, days: str = "") -> Response:
+    """How often alarms came, how long they lasted and how many were a nuisance, over all, by kind and by pump."""
+    if days not in _SPANS:
+        raise Invalid("there is no such time", [Fault("days", f"is not one of {', '.join(filter(None, _SPANS))}")])
+    since = datetime.now(UTC) - timedelta(days=int(days)) if days else None
+    found = alarms.counted(context, asker, since=since, limit=_PER_PAGE)
+    values = {
+        "request": request,
+        "figures": found,
+        "spans": [(word, address("alarms", "statistics", query={"days": n}), n == days) for n, word in _SPANS.items()],
+        "span": _SPANS[days],
+    }
+    return html_page("alarm_statistics.html", 200, values)
+
+
+@alarm_router.get("/alarms/{alarm_id}", response_class=HTMLResponse)
+def alarm_page(request: Request, context: ContextOf, asker: Asker, alarm_id: str) -> Response:
+    """One alarm: what it says, who sees to it until when, and everything that happened to it."""
+    now = datetime.now(UTC)
+    values = {
+        "request": request,
+        "a": _shown(alarms.one(alarm_id, context, asker), now),
+        "here": address("alarms", alarm_id),
+        "may_act": asker.may("analyst"),
+        "usual_shelf": local(now + _USUAL_SHELF),
+        "assignees": _assignees(context, asker),
+    }
+    return html_page("alarm.html", 200, values)
 
 
 @alarm_router.post("/alarms")
@@ -77,19 +122,16 @@ def act_on_many(form: SentForm) -> Response:
     form.goes_back_to(link)
     form.who.require("analyst")
     ids = list(dict.fromkeys(form.all("alarm")))
-    wish = _wish(form, form.text("action"))
+    # of many alarms, what is left open stays as it is
+    wish = _wish(form, form.text("action"), [name for name in _PLAN if form.text(name)])
     if not ids or len(ids) > _MOST_AT_ONCE:
         words = "is ticked nowhere" if not ids else f"is ticked {len(ids)} times, at most {_MOST_AT_ONCE} at once"
         raise Invalid("nothing was done", [Fault("alarm", words)])
     faults: list[Fault] = []
-    for alarm_id in ids:
-        try:
-            handle(form.context.database, form.who, alarm_id, wish)
-        except Problem as problem:
-            words = "; ".join(
-                [problem.detail, *(f"{f.where.removeprefix('body.')} {f.problem}" for f in problem.errors)]
-            )
-            faults.append(Fault(_name(form, alarm_id), words))
+    for alarm_id, result in zip(ids, handle_many(form.context.database, form.who, ids, wish), strict=True):
+        if isinstance(result, Problem):
+            said = [f"{f.where.removeprefix('body.')} {f.problem}" for f in result.errors]
+            faults.append(Fault(_name(form, alarm_id), "; ".join([result.detail, *said])))
     if faults:
         raise Conflict(f"{len(ids) - len(faults)} of {len(ids)} alarms were handled, these were not", faults)
     return done(link)
@@ -102,16 +144,21 @@ def act(alarm_id: str, action: str, form: SentForm) -> Response:
         row, pump = reading.alarm(session, form.who, alarm_id)
         link = local_address(form.text("back") or pump_address(pump.serial, row.operator, "alarms"))
     form.goes_back_to(link)
-    handle(form.context.database, form.who, alarm_id, _wish(form, action))
+    handle(form.context.database, form.who, alarm_id, _wish(form, action, _PLAN))
     return done(link)
 
 
-def _wish(form: Sent, action: str) -> Wish:
+def _wish(form: Sent, action: str, plan: Sequence[str]) -> Wish:
     if action not in KINDS:
         raise Invalid("nothing was done", [Fault("action", f"is not one of {', '.join(KINDS)}")])
+    if action == PLAN:
+        given = {**{name: form.text(name) or None for name in plan}, "reason": form.text("reason") or None}
+        if given.get("due_at"):
+            given["due_at"] = form.instant("due_at")
+        return checked(alarms.Planned, given, "plan").wish()
     # an end says nothing about anything but a shelf, and stands in the same form
     until = instant_of(form.text("until"), "until") if form.text("until") and action == "shelve" else None
-    return Wish(KINDS[action], form.text("reason") or None, until)
+    return Wish(action, form.text("reason") or None, until)
 
 
 def _name(form: Sent, alarm_id: str) -> str:
@@ -137,5 +184,6 @@ def _shown(alarm: Alarm, now: datetime) -> dict[str, Any]:
         "days": max(lasted.days, 0),
         "possible": [WORDS.get(c, c).lower() for c in alarm["candidates"]],
         "is_living": alarm["state"] not in ("closed", "withdrawn"),
+        "due": local(datetime.fromisoformat(alarm["due_at"])) if alarm["due_at"] else "",
         "escalations": sum(event["event"] == "escalated" for event in alarm["history"]),
     }

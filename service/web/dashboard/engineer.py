@@ -15,6 +15,7 @@ from service.reports.twin_chart import Line, twin_svg
 from service.reports.words import WORDS
 from service.web.dashboard.forms import checked
 from service.web.dashboard.frame import PageRoute, html_page
+from service.web.dashboard.load_step import Step, load_step
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes import circuits, pump_types, twin, twin_isolability
 from twin.pumps.fluids import FLUIDS
@@ -85,10 +86,12 @@ def engineer_page(
     asker: Asker,
     point: Annotated[Point, Depends()],
     study: Annotated[Study, Depends()],
+    step: Annotated[Step, Depends()],
 ) -> Response:
-    """Operating point beside the healthy pump's, two curves through it, and what sensors could see."""
+    """Operating point beside the healthy pump's, two curves through it, a load step, and what sensors could see."""
     found: dict[str, Any] = {"problem": None, "sound": None, "worn": None, "pictures": []}
     bounds: dict[str, Any] = {"problem": None, "rows": [], "remarks": []}
+    stepped: dict[str, Any] = {"problem": None, "pictures": [], "rows": []}
     status = 200
     try:
         found |= _point(context, asker, point)
@@ -99,8 +102,16 @@ def engineer_page(
             bounds |= _bounds(_study(context, asker, point, study))
         except Problem as problem:
             bounds["problem"], status = problem.body(), int(problem.status)
+    if step.step:
+        given = asdict(point)
+        try:
+            stepped |= load_step(context, asker, given, {name: given[name] for name in HEALTH}, step)
+        except Problem as problem:
+            stepped["problem"], status = problem.body(), int(problem.status)
     values = {
         "request": request,
+        "stepped": stepped,
+        "step": asdict(step),
         "point": asdict(point),
         "study": asdict(study),
         "found": found,

@@ -11,7 +11,8 @@ from sqlalchemy.orm import Session
 from service.answers.pumps import RankedPump, TrendPoint
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
-from service.reading.fleet import pump_documents
+from service.reading.by_link import ByLink
+from service.reading.fleet import pumps_standing
 from service.reading.ranking import ranked
 from service.reports.charts import sparkline_svg
 from service.reports.words import WORDS
@@ -24,7 +25,7 @@ from service.web.routes import pumps
 fleet_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 _PUMPS_PER_PAGE = 100
 _SPARK_RECORDS = 60
-_FLOW = "case_flow_at_reference_lpm"
+_kept_flows: ByLink[list[TrendPoint]] = ByLink(5000)
 
 
 @fleet_router.get("/", response_class=HTMLResponse)
@@ -39,7 +40,7 @@ def fleet_page(
     """Pumps in the order of the ranking, a hundred a page; ``search`` looks into serials, aircraft and operators."""
     with context.database.reading() as session:
         rows = list(session.scalars(queries.pumps(asker)))
-        everyone = ranked(session, rows, pump_documents(session, rows))
+        everyone = ranked(session, rows, *pumps_standing(session, rows))
         wanted = [p for p in everyone if _fits(p, filters) and _found(p, search)]
         last = max(1, -(-len(wanted) // _PUMPS_PER_PAGE))
         page = min(max(page, 1), last)
@@ -103,7 +104,9 @@ def _flows(session: Session, rows: Sequence[Pump], shown: Sequence[RankedPump]) 
     """Newest case flows at the reference condition of the pumps that are shown, by operator and serial."""
     ids = {(row.operator, row.serial): row.id for row in rows}
     wanted = {(p["operator"], p["serial"]): ids[p["operator"], p["serial"]] for p in shown if p["records"]}
-    found = queries.newest_flows(session, list(wanted.values()), _SPARK_RECORDS)
+    found = _kept_flows.of(
+        session, list(wanted.values()), lambda pump_ids: queries.newest_flows(session, pump_ids, _SPARK_RECORDS)
+    )
     return {name: found.get(pump_id, []) for name, pump_id in wanted.items()}
 
 

@@ -19,6 +19,7 @@ from service.answers.problems import Problem as Told
 from service.errors import NotFound, Unauthenticated
 from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 from service.web.answer_route import AnswerRoute
+from service.web.dashboard import preferences
 from service.web.dashboard.links import address, api_address, pump_address
 from service.web.dependencies import context_of, visitor_of
 
@@ -30,6 +31,8 @@ SECURITY_HEADERS = {
     "Referrer-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+_WITH_CHARTS = frozenset({"pump.html", "record.html"})
+"""Templates that load our own script for cursor and zoom; no other page may run any."""
 NAVIGATION: tuple[tuple[str, str, str], ...] = (
     ("/", "Fleet", "viewer"),
     ("/alarms", "Alarms", "viewer"),
@@ -64,7 +67,7 @@ _templates.globals |= {
     "api_address": api_address,
     "pump_address": pump_address,
 }
-_templates.filters |= FILTERS
+_templates.filters |= {**FILTERS, **preferences.FILTERS}
 
 
 class PageRoute(AnswerRoute):
@@ -92,7 +95,7 @@ def _rendered(
 ) -> HTMLResponse:
     asker = visitor.principal if visitor else nobody
     path = values["request"].url.path
-    frame = {
+    frame: dict[str, Any] = {
         "visitor": visitor,
         "csrf_token": visitor.csrf_token if visitor else "",
         "asker": asker,
@@ -102,9 +105,27 @@ def _rendered(
             if asker is not None and asker.may(role)
         ],
         "now": local(datetime.now(UTC)),
+        "zone": preferences.zone_of(values["request"]),
+        "choose": address("preferences", query={"back": _again(values["request"])}),
     }
-    text = _templates.get_template(template).render({**frame, **values})
-    return HTMLResponse(text, status_code=status, headers=SECURITY_HEADERS)
+    with preferences.spoken_in(frame["zone"]):
+        text = _templates.get_template(template).render({**frame, **values})
+    headers = dict(SECURITY_HEADERS)
+    if template in _WITH_CHARTS:
+        headers["Content-Security-Policy"] += "; script-src 'self'"
+    return HTMLResponse(text, status_code=status, headers=headers)
+
+
+def _again(request: Request) -> str | None:
+    """The page itself, for the way back from somewhere else; a form is not sent again."""
+    return None if request.method != "GET" or request.url.path == "/preferences" else _asked_for(request)
+
+
+def _asked_for(request: Request) -> str:
+    """Path and query as they were asked for: names in them keep their quoting, and with it their slashes."""
+    raw: bytes = request.scope.get("raw_path") or request.url.path.encode("utf-8", "replace")
+    path = raw.partition(b"?")[0].decode("ascii", "replace")
+    return path + (f"?{request.url.query}" if request.url.query else "")
 
 
 def local(instant: datetime) -> str:
@@ -147,6 +168,6 @@ def problem_page(request: Request, told: Told, headers: Mapping[str, str]) -> Re
 
 def sign_in_address(request: Request) -> str:
     """Where to sign in, with the page that was asked for; forms are not sent a second time."""
-    wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+    wanted = _asked_for(request)
     is_read = request.method in ("GET", "HEAD")
     return address("sign-in", query={"next": wanted if is_read and wanted != "/" else None})

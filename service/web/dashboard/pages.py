@@ -5,72 +5,68 @@ from typing import Any, get_args
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
-from markupsafe import Markup
 from sqlalchemy.orm import Session
 
-from detectors.curve.picture import curve_svg
-from detectors.words.verdict import CAUSES, TREND_METRICS
+from detectors.words.verdict import CAUSES
 from service.access.security import Principal
 from service.alarms import reading
 from service.answers.alarms import Alarm
 from service.context import Context
 from service.errors import NotFound
 from service.history.knowledge import entries
-from service.monitoring.succession import taken_over
 from service.reading import queries
-from service.reading.curve import curve_of
 from service.reading.fleet import pump_documents
-from service.reading.forecast import forecast_of, with_crossing
-from service.reading.trend import trend_of
+from service.reading.forecast import forecast_and_crossing
 from service.registry import findings, maintenance
-from service.reports.charts import trend_svg
 from service.reports.remarks import remarks
-from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, WORDS
+from service.reports.words import ACTION_WORDS, WORDS
 from service.storage.tables import Finding, MaintenanceEvent, Pump
 from service.thresholds.layers import thresholds_of
 from service.web.dashboard.frame import PageRoute, html_page, local
 from service.web.dashboard.links import address, api_address
-from service.web.dependencies import context_of, principal
+from service.web.dashboard.pictures import PICTURE_HEADERS, pictured_curve
+from service.web.dashboard.trends import Look, Looked, trends_of_page
+from service.web.dependencies import Asker, ContextOf, context_of, principal
 from twin.pumps.fluids import FLUIDS
 
 page_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 _MOST_ALARMS = 20
-_TRENDS = (
-    "case_flow_at_reference_lpm",
-    "pump_leakage_change_lpm",
-    "case_residual_bar",
-    "discharge_residual_bar",
-    "system_leakage_change_lpm",
-    "drain_resistance_change_percent",
-)
 _Body = tuple[str, int, dict[str, Any]]
 
 
 @page_router.get("/pumps/{serial}", response_class=HTMLResponse)
-def pump_page(request: Request, serial: str, operator: str | None = None) -> Response:
+def pump_page(request: Request, serial: str, look: Looked, operator: str | None = None) -> Response:
     """One pump: verdict, evidence, curve, trends."""
-    return html_page(*_pump_body(request, context_of(request), serial, operator))
+    return html_page(*_pump_body(request, context_of(request), look, serial, operator))
 
 
-def _pump_body(request: Request, context: Context, serial: str, operator: str | None) -> _Body:
+@page_router.get("/pumps/{serial}/curve.svg")
+def curve_picture(serial: str, context: ContextOf, asker: Asker, operator: str | None = None) -> Response:
+    """The damage identification curve as the page shows it, light or dark as the screen is."""
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        svg = pictured_curve(session, row)
+    return Response(svg, media_type="image/svg+xml", headers=PICTURE_HEADERS)
+
+
+def _pump_body(request: Request, context: Context, look: Look, serial: str, operator: str | None) -> _Body:
     asker = principal(request)
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         document = pump_documents(session, [row])[0]
         if document["records"] == 0:
             raise NotFound(f"pump {serial} has no analysed record yet")
-        verdict = with_crossing(session, row, queries.verdict(session, row))
-        shown = curve_of(session, row, None, None, None, taken_over(session, row, context.archive))
+        forecast, verdict = forecast_and_crossing(session, row, queries.verdict(session, row))
         values = {
             "request": request,
             "pump": document,
             "verdict": verdict,
             "remarks": remarks(verdict),
             "changes": queries.verdict_changes(session, row)[::-1],
-            "curve": Markup(curve_svg(shown.curve, f"pump {serial}")),  # noqa: S704
-            "forecast": forecast_of(session, row),
-            "trends": _trends(session, row),
+            "curve": address("pumps", row.serial, "curve.svg", query={"operator": row.operator}),
+            "forecast": forecast,
+            "trends": trends_of_page(session, asker, row, look),
             "alarms": _alarms(session, asker, row),
             "findings": [
                 findings.document(f)
@@ -112,17 +108,3 @@ def _alarms(session: Session, asker: Principal, row: Pump) -> list[Alarm]:
     """The pump's newest alarms as the API shows them."""
     query = reading.alarms(asker, reading.Wanted(serial=row.serial, operator=row.operator)).limit(_MOST_ALARMS)
     return [reading.shown(alarm, serial, kind) for alarm, serial, kind in session.execute(query)]
-
-
-def _trends(session: Session, row: Pump) -> list[dict[str, Any]]:
-    limit = thresholds_of(session, row.operator, row.serial, row.pump_type).values["case_flow_limit_lpm"]
-    found = []
-    for metric in _TRENDS:
-        items = trend_of(session, row, metric, None, None, 400)
-        if not items:
-            continue
-        title = ESTIMATE_NAMES.get(metric) or metric.rsplit("_", 1)[0].replace("_", " ")
-        line = limit if metric == "case_flow_at_reference_lpm" else None
-        svg = Markup(trend_svg(title, TREND_METRICS[metric], items, line))  # noqa: S704
-        found.append({"title": title, "unit": TREND_METRICS[metric], "svg": svg, "items": items[::-1]})
-    return found

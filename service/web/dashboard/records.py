@@ -1,6 +1,8 @@
 """Pages of records: the list with what each added, and one record with its channels, windows and spectrum."""
 
-from typing import Annotated, Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
@@ -9,24 +11,26 @@ from pydantic import Field
 
 from service.access.security import Principal
 from service.answers import records as answers
+from service.answers.history import RecordMark
 from service.answers.records import RecordChannels
 from service.bodies import Body
 from service.context import Context
-from service.errors import Problem
+from service.errors import Fault, Invalid, Problem
+from service.history.overview import POINTS
+from service.reading.channels import others_of
 from service.registry.fields import Reason
-from service.reports.record_chart import record_svg
+from service.registry.marks import NewMark
+from service.reports.record_chart import Overlay, record_svg
 from service.reports.spectrum_chart import spectrum_svg
 from service.web.dashboard.forms import SentForm, checked, done, instant_of
 from service.web.dashboard.frame import PageRoute, html_page
 from service.web.dashboard.links import address
 from service.web.dependencies import Asker, ContextOf
-from service.web.routes import records, spectrum
+from service.web.routes import marks, records, spectrum
 
 record_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 _PER_PAGE = 50
 _REFUSALS = 20
-_POINTS = 920
-"""Samples of each channel in the picture: two for each two pixels of its width."""
 STATUS_WORDS = {
     "analysed": "counts",
     "stored": "waits for its analysis",
@@ -92,10 +96,16 @@ def record_page(
     start_s: Annotated[float | None, Query(alias="from")] = None,
     end_s: Annotated[float | None, Query(alias="to")] = None,
     channel: Annotated[str, Query(alias="spectrum")] = "",
+    beside: str = "",
+    align: Annotated[Literal["start", "zero_flow", ""], Query(description="What both records begin with")] = "",
 ) -> Response:
-    """One record: where it stands, its channels over time with windows and the twin, its spectrum."""
+    """One record: its channels over time with windows, marks and the twin, another one over it, its spectrum."""
     record = records.one(record_id, context, asker)
-    picture = _picture(context, asker, record, start_s, end_s)
+    seen = _Seen(record, start_s, end_s, records.one(beside, context, asker) if beside else None, align or "start")
+    marked = marks.listed(record_id, context, asker)["items"]
+    picture = _picture(context, asker, seen, marked)
+    with context.database.reading() as session:
+        others = others_of(session, asker, record_id)
     values = {
         "request": request,
         "record": record,
@@ -105,6 +115,11 @@ def record_page(
         "status_words": STATUS_WORDS,
         "window_words": WINDOW_WORDS,
         "may_withdraw": asker.may("analyst") and record["status"] in ("analysed", "stored"),
+        "others": others,
+        "beside": seen.beside,
+        "align": seen.align,
+        "marked": marked,
+        "may_mark": asker.may("engineer") and record["status"] == "analysed",
         "zoomed": start_s is not None or end_s is not None,
     }
     return html_page("record.html", 200, values)
@@ -120,60 +135,133 @@ def withdraw(record_id: str, form: SentForm) -> Response:
     return done(link)
 
 
-def _picture(
-    context: Context, asker: Principal, record: answers.Record, start_s: float | None, end_s: float | None
-) -> dict[str, Any]:
+@record_router.post("/records/{record_id}/marks")
+def mark(record_id: str, form: SentForm) -> Response:
+    """Mark a stretch of a record good or bad, with a reason, and go back to the picture."""
+    link = address("records", record_id, place="marks")
+    form.goes_back_to(link)
+    body = checked(NewMark, form.filled(), "mark")
+    marks.mark(record_id, body, Response(), form.context, form.who)
+    return done(link)
+
+
+@record_router.post("/records/{record_id}/marks/{mark_id}/withdraw")
+def unmark(record_id: str, mark_id: str, form: SentForm) -> Response:
+    """Take a mark back and go back to the picture."""
+    link = address("records", record_id, place="marks")
+    form.goes_back_to(link)
+    marks.withdraw(record_id, mark_id, form.context, form.who)
+    return done(link)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What of a record is looked at, and what lies over it."""
+
+    record: answers.Record
+    start_s: float | None
+    end_s: float | None
+    beside: answers.Record | None = None
+    align: str = "start"
+
+    def at(self, start: float | None, end: float | None) -> str:
+        """The same look at another stretch."""
+        ends = {"from": None if start is None else f"{start:.6g}", "to": None if end is None else f"{end:.6g}"}
+        over = {"beside": self.beside["record_id"], "align": self.align} if self.beside else {}
+        return address("records", self.record["record_id"], query={**ends, **over}, place="channels")
+
+    @property
+    def zoom(self) -> str:
+        """The same look with words in place of the stretch, which the cursor fills in."""
+        over = {"beside": self.beside["record_id"], "align": self.align} if self.beside else {}
+        return address(
+            "records", self.record["record_id"], query={"from": "FROM", "to": "TO", **over}, place="channels"
+        )
+
+    @property
+    def shift_s(self) -> float:
+        """What is added to the other record's times."""
+        starts = [_zero_flow_start(r) for r in (self.record, self.beside)]
+        if self.align != "zero_flow" or None in starts:
+            return 0.0
+        return float(starts[0] or 0.0) - float(starts[1] or 0.0)
+
+
+def _zero_flow_start(record: answers.Record | None) -> float | None:
+    """Start of the first zero-flow window that counts; None without one."""
+    windows = record.get("windows", []) if record else []
+    return next((w["start_s"] for w in windows if w["kind"] == "zero_flow" and w["accepted"]), None)
+
+
+def _overlay(context: Context, asker: Principal, seen: _Seen) -> Overlay | None:
+    """The other record over the same stretch."""
+    if seen.beside is None:
+        return None
+    shift = seen.shift_s
+    ends = [None if t is None else t - shift for t in (seen.start_s, seen.end_s)]
+    try:
+        return Overlay(spectrum.channels(seen.beside["record_id"], context, asker, POINTS, *ends), shift)
+    except Invalid as problem:
+        raise Invalid("the other record has nothing there", [Fault("beside", problem.detail)]) from None
+
+
+def _picture(context: Context, asker: Principal, seen: _Seen, marked: Sequence[RecordMark]) -> dict[str, Any]:
     """Picture of the channels with the links that move along it; or why there is none."""
+    record, start_s, end_s = seen.record, seen.start_s, seen.end_s
     record_id = record["record_id"]
     try:
-        found = spectrum.channels(record_id, context, asker, _POINTS, start_s, end_s)
+        found = spectrum.channels(record_id, context, asker, POINTS, start_s, end_s)
     except Problem as problem:
         if start_s is not None or end_s is not None:
             raise
         return {"svg": None, "why": problem.detail, "channels": [], "links": []}
     all_windows = record.get("windows", found["windows"])
     first = next((i for i, w in enumerate(all_windows, 1) if found["windows"] and w == found["windows"][0]), 1)
-    svg = record_svg(found, f"Channels of record {record_id}", first)
-    channels = [
-        {
+    overlay = _overlay(context, asker, seen)
+    svg = record_svg(found, f"Channels of record {record_id}", first, marked, overlay)
+    return {
+        "svg": Markup(svg),  # noqa: S704 - made by us, names in it are escaped
+        "found": found,
+        "channels": list(_ranges(found["channels"]).values()),
+        "links": _moves(seen, found) if start_s is not None or end_s is not None else _closer(seen, found),
+        "zoom": seen.zoom,
+        "shift_s": overlay.shift_s if overlay else None,
+        "of_other": _ranges(overlay.found["channels"]) if overlay else {},
+    }
+
+
+def _ranges(channels: Sequence[answers.ChannelSamples]) -> dict[str, dict[str, Any]]:
+    """Lowest and highest of each channel by name."""
+    return {
+        c["channel"]: {
             "name": c["channel"],
             "unit": c["unit"],
             "missing": c["missing"],
             "low": min((v for v in c["value"] if v is not None), default=None),
             "high": max((v for v in c["value"] if v is not None), default=None),
         }
-        for c in found["channels"]
-    ]
-    return {
-        "svg": Markup(svg),  # noqa: S704 - made by us, names in it are escaped
-        "found": found,
-        "channels": channels,
-        "links": _moves(record_id, found) if start_s is not None or end_s is not None else _closer(record_id, found),
+        for c in channels
     }
 
 
-def _closer(record_id: str, found: RecordChannels) -> list[tuple[str, str]]:
+def _closer(seen: _Seen, found: RecordChannels) -> list[tuple[str, str]]:
     """Links to halves of what is seen."""
     start, end = found["start_s"], found["end_s"]
     middle = 0.5 * (start + end)
-    return [("first half", _at(record_id, start, middle)), ("second half", _at(record_id, middle, end))]
+    return [("first half", seen.at(start, middle)), ("second half", seen.at(middle, end))]
 
 
-def _moves(record_id: str, found: RecordChannels) -> list[tuple[str, str]]:
+def _moves(seen: _Seen, found: RecordChannels) -> list[tuple[str, str]]:
     """Links that move along the record, closer or further away."""
     start, end = found["start_s"], found["end_s"]
     span = max(end - start, 1e-3)
     return [
-        ("whole record", address("records", record_id)),
-        ("earlier", _at(record_id, start - 0.5 * span, end - 0.5 * span)),
-        ("later", _at(record_id, start + 0.5 * span, end + 0.5 * span)),
-        ("closer", _at(record_id, start + 0.25 * span, end - 0.25 * span)),
-        ("wider", _at(record_id, start - 0.5 * span, end + 0.5 * span)),
+        ("whole record", seen.at(None, None)),
+        ("earlier", seen.at(start - 0.5 * span, end - 0.5 * span)),
+        ("later", seen.at(start + 0.5 * span, end + 0.5 * span)),
+        ("closer", seen.at(start + 0.25 * span, end - 0.25 * span)),
+        ("wider", seen.at(start - 0.5 * span, end + 0.5 * span)),
     ]
-
-
-def _at(record_id: str, start: float, end: float) -> str:
-    return address("records", record_id, query={"from": f"{start:.6g}", "to": f"{end:.6g}"}, place="channels")
 
 
 def _spectrum(

@@ -5,6 +5,7 @@ from fastapi import APIRouter
 from service.web.dashboard.actions import action_router
 from service.web.dashboard.administration import administration_router
 from service.web.dashboard.alarms import alarm_router
+from service.web.dashboard.choices import choice_router
 from service.web.dashboard.engineer import engineer_router
 from service.web.dashboard.fleet import fleet_router
 from service.web.dashboard.jobs import job_router
@@ -31,6 +32,7 @@ for _part in (
     registry_router,
     administration_router,
     action_router,
+    choice_router,
     sign_in_router,
     oidc_router,
 ):

@@ -5,14 +5,13 @@ from typing import Annotated, cast
 from fastapi import APIRouter, Query, Response
 from sqlalchemy.exc import IntegrityError
 
-from detectors.words.verdict import TREND_METRICS
 from service.access import audit
-from service.answers.pumps import PositionTrend, PositionTrendPoint
+from service.answers.pumps import PositionTrend
 from service.answers.registry import Aircraft, AircraftMade
 from service.answers.words import Page
 from service.errors import Conflict
 from service.reading import queries
-from service.reading.trend import check_metric, points_of, thinned
+from service.reading.trend import METRICS, check_metric, position_trend, thinned
 from service.registry import aircraft as registry
 from service.registry.fields import Instant
 from service.web.addresses import location
@@ -95,8 +94,5 @@ def trend(
     check_metric(metric)
     with context.database.reading() as session:
         row = queries.aircraft(session, asker, name, operator)
-        pairs = session.execute(queries.assessments_at(row.operator, row.name, position)).all()
-        serials = {assessment.record_id: serial for assessment, serial in pairs}
-        items = points_of([assessment for assessment, _ in pairs], metric, since, until)
-    shown: list[PositionTrendPoint] = [{**item, "pump": serials[item["record_id"]]} for item in thinned(items, points)]
-    return {"metric": metric, "unit": TREND_METRICS[metric], "items": shown}
+        items = position_trend(session, (row.operator, row.name, position), metric, since, until)
+    return {"metric": metric, "unit": METRICS[metric], "items": thinned(items, points)}

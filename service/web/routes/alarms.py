@@ -8,11 +8,15 @@ from fastapi import APIRouter, Depends, Query
 from pydantic import ConfigDict, Field
 
 from service.alarms import reading
-from service.alarms.handling import Wish, handle
-from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, SHELVE, UNSHELVE
-from service.answers.alarms import Alarm
+from service.alarms.handling import Wish, handle, handle_many
+from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, COMMENT, PLAN, SHELVE, UNSHELVE
+from service.answers.alarms import Alarm, AlarmHandled, AlarmsHandled, AlarmStatistics
 from service.answers.words import Page
 from service.bodies import Body
+from service.errors import Problem
+from service.reading.alarm_statistics import Period, statistics
+from service.registry.fields import Instant, Name, Note
+from service.registry.fields import Reason as Reasoned
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from service.web.paging import DEFAULT_ITEMS, MOST_ITEMS, page, place_of
@@ -46,6 +50,49 @@ class Shelf(Body):
     until: datetime
 
 
+class Comment(Body):
+    """A word about an alarm."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"text": "oil analysis asked for on 4 May"}]})
+    text: Reasoned
+
+
+class Planned(Body):
+    """Who sees to an alarm, until when, and the work order elsewhere: null takes back, what is not named stays."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"assignee": "line 2", "due_at": "2099-05-08T12:00:00Z", "work_order": "WO-4711"}]
+        }
+    )
+    assignee: Annotated[Name | None, Field(description="Who sees to it")] = None
+    due_at: Instant | None = None
+    work_order: Annotated[Name | None, Field(description="Its number in another system")] = None
+    reason: Note | None = None
+
+    def wish(self) -> Wish:
+        """What shall be done, with those fields only that were named."""
+        return Wish(PLAN, self.reason, None, self.model_dump(include=self.model_fields_set - {"reason"}))
+
+
+class Many(Planned):
+    """The same for many alarms: what is done, and what that needs."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"alarms": ["0123abcd"], "action": "acknowledge", "reason": "seen at the meeting"}]
+        }
+    )
+    alarms: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=200)
+    action: Literal["acknowledge", "shelve", "unshelve", "close", "comment", "plan"]
+    until: datetime | None = None
+
+    def wish(self) -> Wish:
+        """What shall be done about each of them."""
+        plan = self.model_dump(include=self.model_fields_set & {"assignee", "due_at", "work_order"})
+        return Wish(self.action, self.reason, self.until, plan)
+
+
 @dataclass(frozen=True, slots=True)
 class Filters:
     """What the list is narrowed to, in the words of its query."""
@@ -58,6 +105,10 @@ class Filters:
     priority: Literal["low", "medium", "high", "critical"] | None = None
     side: Literal["pump", "system", "sensor", "none", "unknown"] | None = None
     verdict_state: Annotated[str | None, Query(description="State of the verdict that it stands for")] = None
+
+    assignee: Annotated[str | None, Query(description="Who sees to it")] = None
+    work_order: Annotated[str | None, Query(description="Number of the work order")] = None
+    overdue: Annotated[bool | None, Query(description="Its due date is past and it still wants attention")] = None
 
 
 Narrowed = Annotated[Filters, Depends()]
@@ -85,6 +136,38 @@ def listed(
             lambda row: [row[0].raised_at.isoformat(), row[0].id],
             lambda row: reading.shown(row[0], row[1], row[2], now),
         )
+
+
+@router.post("/actions", summary="Do the same about many")
+def act_on_many(body: Many, context: ContextOf, asker: Asker) -> AlarmsHandled:
+    """Acknowledge, shelve, close, plan or comment many alarms, each for itself; what could not be done is said of each."""
+    done = handle_many(context.database, asker, body.alarms, body.wish())
+    items = [_handled(name, result) for name, result in zip(dict.fromkeys(body.alarms), done, strict=True)]
+    return {"done": sum(item["done"] for item in items), "items": items}
+
+
+def _handled(alarm_id: str, result: Alarm | Problem) -> AlarmHandled:
+    if isinstance(result, Problem):
+        faults = [f"{f.where} {f.problem}" for f in result.errors]
+        return {"id": alarm_id, "done": False, "alarm": None, "problem": "; ".join([result.detail, *faults])}
+    return {"id": alarm_id, "done": True, "alarm": result, "problem": None}
+
+
+@router.get("/statistics", summary="How often, how long, and how many were a nuisance")
+def counted(
+    context: ContextOf,
+    asker: Asker,
+    operator: str | None = None,
+    pump_type: str | None = None,
+    aircraft: Annotated[str | None, Query(description="Where the pump sat when it was raised")] = None,
+    since: Annotated[Instant | None, Query(alias="from")] = None,
+    until: Annotated[Instant | None, Query(alias="to")] = None,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS, description="Most pumps listed")] = DEFAULT_ITEMS,
+) -> AlarmStatistics:
+    """Count the alarms raised within a time [from, to), over all, by kind and by pump."""
+    wanted = reading.Wanted(operator=operator, pump_type=pump_type, aircraft=aircraft)
+    with context.database.reading() as session:
+        return statistics(session, asker, wanted, Period(since, until), limit)
 
 
 @router.get("/{alarm_id}", summary="One alarm with its history")
@@ -117,3 +200,15 @@ def unshelve(alarm_id: str, context: ContextOf, asker: Asker, body: Remark | Non
 def close(alarm_id: str, body: Reason, context: ContextOf, asker: Asker) -> Alarm:
     """Close an alarm, whatever its condition; an escalation opens it again, a later fault is a new alarm."""
     return handle(context.database, asker, alarm_id, Wish(CLOSE, body.reason))
+
+
+@router.patch("/{alarm_id}", summary="Plan who sees to it, until when, under which work order")
+def plan(alarm_id: str, body: Planned, context: ContextOf, asker: Asker) -> Alarm:
+    """Set assignee, due date and work order; a plan says nothing of the alarm's life, which goes on as before."""
+    return handle(context.database, asker, alarm_id, body.wish())
+
+
+@router.post("/{alarm_id}/comments", summary="Say something about it")
+def comment(alarm_id: str, body: Comment, context: ContextOf, asker: Asker) -> Alarm:
+    """Add a comment to the alarm's history."""
+    return handle(context.database, asker, alarm_id, Wish(COMMENT, body.text))

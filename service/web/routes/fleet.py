@@ -6,16 +6,15 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from detectors.words.states import QUIET
-from detectors.words.verdict import TREND_METRICS
 from service.answers.fleet import FleetSummary, FleetTrend
 from service.answers.pumps import RankedPump
 from service.answers.words import Page
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
-from service.reading.fleet import fleet, pump_documents
+from service.reading.fleet import fleet, pumps_standing
 from service.reading.fleet_trend import GroupBy, fleet_trend
 from service.reading.ranking import ranked
-from service.reading.trend import check_metric
+from service.reading.trend import METRICS, check_metric
 from service.registry.fields import Instant
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
@@ -25,18 +24,29 @@ router = APIRouter(prefix="/fleet", tags=["fleet"], route_class=AnswerRoute)
 
 
 @router.get("/summary", summary="How the fleet is")
-def summary(context: ContextOf, asker: Asker) -> FleetSummary:
-    """Counts by state and side, pumps that want attention or have gone silent, and how often the workshop agreed."""
+def summary(
+    context: ContextOf,
+    asker: Asker,
+    limit: Annotated[int, Query(ge=1, le=MOST_ITEMS, description="Most pumps in each list")] = DEFAULT_ITEMS,
+) -> FleetSummary:
+    """Counts by state and side, pumps that want attention or have gone silent, and how often the workshop agreed.
+
+    Both lists hold the first `limit` pumps, the most urgent first; `attention_pumps` and `silent_pumps` count all.
+    """
     with context.database.reading() as session:
         pumps = fleet(session, asker)
         judged = judged_findings(session, asker)
+    attention = [p for p in pumps if p["state"] not in QUIET or p["case_pressure_beyond"]]
+    silent = [p for p in pumps if p["silent"]]
     return {
         "pumps": len(pumps),
         "records": sum(p["records"] for p in pumps),
         "by_state": dict(Counter(p["state"] for p in pumps)),
         "by_side": dict(Counter(p["side"] for p in pumps)),
-        "attention": [p for p in pumps if p["state"] not in QUIET or p["case_pressure_beyond"]],
-        "silent": [p for p in pumps if p["silent"]],
+        "attention_pumps": len(attention),
+        "attention": attention[:limit],
+        "silent_pumps": len(silent),
+        "silent": silent[:limit],
         "findings": rates(judged),
     }
 
@@ -54,7 +64,7 @@ def ranking(
     start = place[0] if place is not None else 0
     with context.database.reading() as session:
         rows = list(session.scalars(queries.pumps(asker)))
-        items = ranked(session, rows, pump_documents(session, rows))
+        items = ranked(session, rows, *pumps_standing(session, rows))
     end = start + limit
     return {"items": items[start:end], "next": cursor_after(query, [end]) if end < len(items) else None}
 
@@ -73,4 +83,4 @@ def trend(
     check_metric(metric)
     with context.database.reading() as session:
         groups = fleet_trend(session, asker, metric, group_by, since, until, points)
-    return {"metric": metric, "unit": TREND_METRICS[metric], "group_by": group_by, "items": groups, "next": None}
+    return {"metric": metric, "unit": METRICS[metric], "group_by": group_by, "items": groups, "next": None}

@@ -9,7 +9,6 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from detectors.curve.picture import curve_svg
-from detectors.words.verdict import TREND_METRICS
 from service.access import audit
 from service.access.security import Principal
 from service.answers import pumps as answers
@@ -23,15 +22,17 @@ from service.monitoring.refold import Cause, refold_others, verdict_known_at
 from service.monitoring.succession import taken_over
 from service.reading import queries
 from service.reading.curve import curve_of
-from service.reading.fleet import pump_documents
+from service.reading.fleet import pump_documents, pumps_standing
 from service.reading.forecast import forecast_of, with_crossing
+from service.reading.ranking import ranked
 from service.reading.raster import png_of
 from service.reading.silence import silent_pumps
-from service.reading.trend import check_metric, trend_of
+from service.reading.trend import METRICS, check_metric, trend_of
 from service.registry import pumps as registry
 from service.registry.fields import Instant
 from service.registry.installations import current_installation
 from service.registry.locks import locked_pump
+from service.reports.state_picture import state_svg
 from service.storage.tables import VerdictRevision
 from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
@@ -206,7 +207,7 @@ def trend(
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         items = trend_of(session, row, metric, since, until, points)
-    return {"metric": metric, "unit": TREND_METRICS[metric], "items": items}
+    return {"metric": metric, "unit": METRICS[metric], "items": items}
 
 
 @router.get("/{serial}/forecast", summary="Flight hours to the limit")
@@ -241,6 +242,22 @@ def curve(
     if form == "png":
         return Response(png_of(curve_svg(found.curve, f"pump {serial}")), media_type="image/png")
     return found.document
+
+
+@router.get(
+    "/{serial}/state.svg",
+    summary="State as a small picture",
+    response_class=Response,
+    responses={200: {"content": {"image/svg+xml": {}}}},
+)
+def state_picture(serial: str, context: ContextOf, asker: Asker, operator: Operator = None) -> Response:
+    """State, since when, and the priority of the open alarm as an SVG of 300 x 64, for other pages and walls."""
+    with context.database.reading() as session:
+        row = queries.pump(session, asker, serial, operator)
+        (pump,) = ranked(session, [row], *pumps_standing(session, [row]))
+    # other sites may show it where they may call at all: a picture's own request is not read by their scripts
+    foreign = {"Cross-Origin-Resource-Policy": "cross-origin"} if context.settings.cors else {}
+    return Response(state_svg(pump, pump["urgency"]), media_type="image/svg+xml", headers=foreign)
 
 
 def _revision(row: VerdictRevision) -> answered.VerdictRevision:

@@ -9,6 +9,7 @@ from service.access.security import Principal
 from service.answers.records import RecordChannels, Spectrum
 from service.context import Context
 from service.errors import Conflict, Fault, Invalid
+from service.history.overview import POINTS, kept_overview, stretch_of
 from service.pump_types.parameter_sets import held_type
 from service.reading import queries
 from service.reading.channel_spectrum import channel_spectrum
@@ -26,15 +27,15 @@ def channels(
     record_id: str,
     context: ContextOf,
     asker: Asker,
-    points: Annotated[int, Query(ge=4, le=10_000, description="About so many of each channel")] = 1000,
+    points: Annotated[int, Query(ge=4, le=10_000, description="About so many of each channel")] = POINTS,
     start_s: Annotated[float | None, Query(alias="from", description="Start of the stretch [s]")] = None,
     end_s: Annotated[float | None, Query(alias="to", description="End of the stretch [s]")] = None,
 ) -> RecordChannels:
     """Samples thinned without losing extremes, with the windows and the twin's values over them."""
-    row, kind = _decodable(context, asker, record_id)
-    recording = context.archive.recording(row, kind)
-    first = -math.inf if start_s is None else start_s
-    return record_channels(row, recording, first, math.inf if end_s is None else end_s, points)
+    row, kind, kept = _decodable(context, asker, record_id, start_s is None and end_s is None and points == POINTS)
+    first, last = -math.inf if start_s is None else start_s, math.inf if end_s is None else end_s
+    seen = kept_overview(kept) or stretch_of(context.archive.recording(row, kind), first, last, points)
+    return record_channels(row, seen, first, last)
 
 
 @router.get("/{record_id}/spectrum", summary="Spectrum of one channel of one record")
@@ -47,20 +48,22 @@ def spectrum(
     end_s: Annotated[float | None, Query(description="End of the stretch [s]")] = None,
 ) -> Spectrum:
     """Power spectral density and orders of the shaft; by default in the last accepted zero-flow window."""
-    row, kind = _decodable(context, asker, record_id)
+    row, kind, _ = _decodable(context, asker, record_id)
     first, last = _stretch(row, start_s, end_s)
     recording = context.archive.recording(row, kind)
     return {"record_id": record_id, **channel_spectrum(recording, channel, kind, first, last)}
 
 
-def _decodable(context: Context, asker: Principal, record_id: str) -> tuple[Record, PumpType]:
-    """A record that was decoded once, with the type of its pump."""
+def _decodable(
+    context: Context, asker: Principal, record_id: str, thinned: bool = False
+) -> tuple[Record, PumpType, bytes | None]:
+    """A record that was decoded once, with the type of its pump and, where asked for, the thinned copy kept of it."""
     with context.database.reading() as session:
         row = queries.record(session, asker, record_id)
         if row.pump_id is None or row.reduction is None:
             raise Conflict(f"record {record_id} is {row.status}: there is nothing decoded to look at")
         pump = session.get_one(Pump, row.pump_id)
-        return row, held_type(session, pump.operator, pump.pump_type)
+        return row, held_type(session, pump.operator, pump.pump_type), row.overview if thinned else None
 
 
 def _stretch(row: Record, start_s: float | None, end_s: float | None) -> tuple[float, float]:

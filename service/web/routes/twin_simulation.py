@@ -1,8 +1,9 @@
 """The transient twin: a short run under a schedule, its channels as a record would hold them."""
 
+import json
 from typing import Any
 
-from anyio import CapacityLimiter, to_thread
+from anyio import CapacityLimiter, from_thread, to_thread
 from anyio.lowlevel import RunVar
 from fastapi import APIRouter, Response
 from pydantic import ConfigDict, FiniteFloat
@@ -65,8 +66,18 @@ class SimulationRequest(Numbers):
 async def simulation(body: SimulationRequest, context: ContextOf, asker: Asker) -> Response:
     """Simulate at most ten seconds and 30 000 samples; too long a run is refused with the limit."""
     asked = await run_in_threadpool(_checked, body, context, asker)
-    content = await to_thread.run_sync(simulated_json, asked, limiter=_limiter())
-    return Response(content, media_type="application/json")
+    return Response(await _in_turn(asked), media_type="application/json")
+
+
+def simulated(body: SimulationRequest, context: Context, asker: Principal) -> Simulation:
+    """The same for a page, on a thread of its request; waits for its turn as every run does."""
+    asked = _checked(body, context, asker)
+    found: Simulation = json.loads(from_thread.run(_in_turn, asked))
+    return found
+
+
+async def _in_turn(asked: Checked) -> bytes:
+    return await to_thread.run_sync(simulated_json, asked, limiter=_limiter())
 
 
 def _checked(body: SimulationRequest, context: Context, asker: Principal) -> Checked:

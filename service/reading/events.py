@@ -1,0 +1,84 @@
+"""What happened in a pump's life beside its records, as marks for its trends."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
+
+from sqlalchemy import or_, select
+from sqlalchemy.orm import Session
+
+from detectors.words.states import State
+from service.alarms.reading import state_of
+from service.history.knowledge import entries
+from service.reading.trend import SeenRecord
+from service.storage.tables import Alarm, Finding, Installation, MaintenanceEvent, Pump, ThresholdVersion
+
+EXCHANGE, MAINTENANCE, FINDING, ALARM, BASELINE, THRESHOLDS = (
+    "exchange", "maintenance", "finding", "alarm", "baseline", "thresholds"
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PumpEvent:
+    """One event: when, of which kind, the word that tells it from others of its kind, and a note."""
+
+    at: datetime
+    kind: str
+    what: str
+    note: str = ""
+
+
+def events_of(
+    session: Session, pump: Pump, seen: Sequence[SeenRecord], since: datetime | None, until: datetime | None
+) -> list[PumpEvent]:
+    """Events of a pump from ``since`` on and before ``until``, in order.
+
+    ``seen`` are its records of that time: changes of place and of the baseline are read from them. Thresholds count
+    when they were published, everything else in event time.
+    """
+    found = [*_of_records(seen), *_entered(session, pump), *_alarms(session, pump), *_thresholds(session, pump)]
+    inside = [e for e in found if (since is None or e.at >= since) and (until is None or e.at < until)]
+    return sorted(inside, key=lambda e: (e.at, e.kind, e.what))
+
+
+def _of_records(seen: Sequence[SeenRecord]) -> list[PumpEvent]:
+    found = []
+    for before, after in pairwise(seen):
+        if (before.aircraft, before.position) != (after.aircraft, after.position):
+            found.append(PumpEvent(after.at, EXCHANGE, f"now in {after.aircraft} {after.position}"))
+        learnt = [record.state == State.INSUFFICIENT_DATA for record in (before, after)]
+        if learnt == [True, False]:
+            found.append(PumpEvent(after.at, BASELINE, "complete"))
+        elif learnt == [False, True]:
+            found.append(PumpEvent(after.at, BASELINE, "begins anew"))
+    return found
+
+
+def _entered(session: Session, pump: Pump) -> list[PumpEvent]:
+    found = [PumpEvent(e.at, MAINTENANCE, e.action, e.note) for e in entries(session, MaintenanceEvent, pump.id)]
+    found += [PumpEvent(f.at, FINDING, f.found, f.note) for f in entries(session, Finding, pump.id)]
+    for place in entries(session, Installation, pump.id):
+        where = f"{place.aircraft} {place.position}"
+        found.append(PumpEvent(place.installed_at, EXCHANGE, f"installed in {where}"))
+        if place.removed_at is not None:
+            found.append(PumpEvent(place.removed_at, EXCHANGE, f"removed from {where}"))
+    return found
+
+
+def _alarms(session: Session, pump: Pump) -> list[PumpEvent]:
+    query = select(Alarm).where(Alarm.pump_id == pump.id, Alarm.withdrawn_at.is_(None))
+    return [
+        PumpEvent(a.onset_at, ALARM, a.verdict_state, f"{a.priority}, {state_of(a).replace('_', ', ')}")
+        for a in session.scalars(query)
+    ]
+
+
+def _thresholds(session: Session, pump: Pump) -> list[PumpEvent]:
+    layers: Mapping[str, str] = {
+        "fleet": "default", "pump-type": pump.pump_type, "operator": pump.operator, "pump": pump.serial
+    }  # fmt: skip
+    held = ThresholdVersion
+    mine = or_(*((held.scope == scope) & (held.scope_id == name) for scope, name in layers.items()))
+    query = select(held).where(mine, or_(held.operator.is_(None), held.operator == pump.operator))
+    return [PumpEvent(v.created_at, THRESHOLDS, f"version {v.number}", v.reason) for v in session.scalars(query)]
