@@ -1,8 +1,9 @@
 """A stored record begins to count: its pump is folded without a lock, and both are stored together if nothing has changed."""
 
 from dataclasses import dataclass
+from typing import Any, cast
 
-from sqlalchemy import not_, select, update
+from sqlalchemy import CursorResult, not_, select, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
@@ -150,7 +151,7 @@ class Counting:
         taken = session.execute(
             counts.values(status=ANALYSED, waits_for=None).execution_options(synchronize_session=False)
         )
-        if taken.rowcount != 1:
+        if cast("CursorResult[Any]", taken).rowcount != 1:
             raise ChangedError
         kept(session, known.pump, made, self._archive, Cause("record_received", row.id))
 

@@ -143,7 +143,8 @@ def _folded(
     end = _end(placed, incoming, same)
     known_ids = {p.outline.record_id for p in placed}
     gone = {i for i in stored if i not in known_ids} | {i for i in _ids(placed, same, end) if i in stored}
-    made, kept = [], Kept()
+    made: list[Assessment] = []
+    kept = Kept()
     if same < len(links):
         start = None if from_scratch else snapshots.start_of(session, pump.id, found.known, links, same)
         made, taken = _made(session, found, start, (same, end, len(links)), given_up)

@@ -5,9 +5,10 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
 from functools import partial
+from typing import Any, cast
 
 import structlog
-from sqlalchemy import ColumnElement, or_, select, update
+from sqlalchemy import ColumnElement, CursorResult, or_, select, update
 from sqlalchemy.orm import Session
 
 from service.answers import verdicts as answers
@@ -180,7 +181,7 @@ def claimed(session: Session, known: Dossier, made: Folded, *conditions: ColumnE
     }
     wanted = update(Pump).where(Pump.id == pump.id, Pump.revision == pump.revision, is_ours, *conditions).values(values)
     taken = session.execute(wanted.execution_options(synchronize_session=False))
-    return bool(taken.rowcount == 1)
+    return cast("CursorResult[Any]", taken).rowcount == 1
 
 
 def outside_unchanged(known: Dossier) -> list[ColumnElement[bool]]:

@@ -355,7 +355,7 @@ def record_with_assessment(
     session: Session, principal: Principal, record_id: str
 ) -> tuple[Record, AssessmentOfRecord | None]:
     """One record with the assessment right after it, where there is one; raises as ``record`` does."""
-    query: Select[Any] = select(Record, Pump.serial, StoredAssessment.verdict)
+    query: Any = select(Record, Pump.serial, StoredAssessment.verdict)
     query = query.outerjoin(StoredAssessment, StoredAssessment.record_id == Record.id)
     found = session.execute(query.outerjoin(Pump, Pump.id == Record.pump_id).where(Record.id == record_id)).first()
     if found is None or principal.operator not in (None, found[0].operator):

