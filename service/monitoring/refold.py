@@ -11,6 +11,7 @@ import structlog
 from sqlalchemy import ColumnElement, CursorResult, or_, select, update
 from sqlalchemy.orm import Session
 
+from detectors.judgement.succession import Seat
 from service.answers import verdicts as answers
 from service.errors import Problem
 from service.history.archive import Archive
@@ -23,7 +24,7 @@ from service.ingest.names import look_of
 from service.monitoring.fold import fold
 from service.monitoring.folded import Cause, Folded, folded, keep
 from service.monitoring.precedence import left_to_newer, made_with, take_over
-from service.monitoring.succession import Neighbourhood, Seat, seats_of_known, successors, with_neighbours
+from service.monitoring.succession import Neighbourhood, seats_of_known, successors, with_neighbours
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
 from service.storage.database import Database, afterwards
@@ -196,7 +197,8 @@ def queue_of(operator: str, serial: str) -> Iterator[None]:
 
     What other pumps are told of it, they are told behind the queue.
     """
-    _held.waiting = waiting = []
+    waiting: list[Callable[[], None]] = []
+    _held.waiting = waiting
     try:
         with _queues[hash((operator, serial)) % len(_queues)]:
             yield

@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import differential_evolution, minimize
+from scipy.optimize import Bounds, differential_evolution, minimize
 from scipy.stats import spearmanr
 
 from twin.condition import Condition, Health, input_rows
@@ -193,15 +193,16 @@ def _sqp(objective: Callable[[Vector], float], start: Vector, _: int) -> Vector:
 
 
 def _downhill(objective: Callable[[Vector], float], start: Vector) -> Vector:
-    options = {"maxiter": 200, "ftol": 1e-10, "eps": 1e-6}
-    run = minimize(objective, start, method="SLSQP", bounds=[(0.0, 1.0)] * len(start), options=options)
+    bounds = Bounds(np.zeros(len(start)), np.ones(len(start)))
+    run = minimize(
+        objective, start, method="SLSQP", bounds=bounds, options={"maxiter": 200, "ftol": 1e-10, "eps": 1e-6}
+    )
     return np.clip(np.asarray(run.x, dtype=np.float64), 0.0, 1.0)
 
 
 def _evolution(objective: Callable[[Vector], float], start: Vector, generations: int) -> Vector:
-    run = differential_evolution(
-        objective, [(0.0, 1.0)] * len(start), maxiter=generations, popsize=8, tol=1e-6, polish=False, rng=_SEED
-    )
+    bounds = Bounds(np.zeros(len(start)), np.ones(len(start)))
+    run = differential_evolution(objective, bounds, maxiter=generations, popsize=8, tol=1e-6, polish=False, rng=_SEED)
     best = np.asarray(run.x, dtype=np.float64)
     return min((best, _downhill(objective, best)), key=objective)
 

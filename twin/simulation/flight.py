@@ -104,12 +104,12 @@ def _piece(pump: Pump, circuit: Circuit, scenario: Scenario, instants: Vector, i
     solved = operating_points(pump, rows[moving], circuit, load_coefficient=k_d[moving])
     values = np.zeros((m, solved.values.shape[1]))
     values[moving] = solved.values
-    done, status = m, Status(RUNNING, float(instants[-1]), "", m, 0)
+    done, status = m, Status(RUNNING, float(instants[-1]), "", m)
     failed = np.flatnonzero(moving)[solved.status != 0]
     if len(failed):
         done = int(failed[0])
         place = int(np.flatnonzero(solved.status != 0)[0])
-        status = Status(CAVITATED, float(instants[done]), problem(solved, place) or "", done, 0)
+        status = Status(CAVITATED, float(instants[done]), problem(solved, place) or "", done)
     found = dict(zip(OUTPUTS, values.T, strict=True))
     reservoir = rows[:, at.RESERVOIR]
     channels: dict[str, Vector] = {TIME: instants}

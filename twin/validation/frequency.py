@@ -45,7 +45,8 @@ class Density(NamedTuple):
     def cumulative(self) -> Vector:
         """Running sum over frequency, 1 at its end, shape (m,)."""
         total: Vector = np.cumsum(self.density)
-        return total / total[-1]
+        shares: Vector = total / total[-1]
+        return shares
 
     def share(self, order: float) -> float:
         """Share of the variance within half an order of one order [-]."""

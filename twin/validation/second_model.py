@@ -130,7 +130,8 @@ class SecondPump:
 
     def _edge(self, underlap: Vector, dP: Vector) -> Vector:
         """Flow over a metering edge [m3/s]: turbulent."""
-        return self._per_edge * self.opening(underlap) * _signed_root(dP, 1.0e3)
+        found: Vector = self._per_edge * self.opening(underlap) * _signed_root(dP, 1.0e3)
+        return found
 
     def control_flows(self, y: Vector, mu_in: Vector, mu_out: Vector) -> tuple[Vector, Vector]:
         """Flows into the control volume and out of it [m3/s], at the viscosities of both gaps."""

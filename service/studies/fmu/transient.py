@@ -108,7 +108,7 @@ def first_state(pump: Pump, circuit: Circuit, condition: Condition) -> np.ndarra
 
 def _numbers(block: Any, prefix: str = "") -> list[tuple[str, float]]:
     """Names and SI values of nested tuples, in the order in which they lie in memory."""
-    found = []
+    found: list[tuple[str, float]] = []
     for name, value in zip(block._fields, block, strict=True):
         path = f"{prefix}.{name}" if prefix else name
         found += _numbers(value, path) if hasattr(value, "_fields") else [(path, float(value))]

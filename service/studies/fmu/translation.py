@@ -293,9 +293,11 @@ class _Function:
     def _of_subscript(self, e: ast.Subscript) -> tuple[str, str, Any]:
         if isinstance(e.value, ast.Attribute) and e.value.attr == "shape":
             assert isinstance(e.slice, ast.Constant)
+            assert isinstance(e.slice.value, int)
             return f"{self.of(e.value.value)[0]}.{'nm'[e.slice.value]}", "int", int
         code, c_type, kind = self._typed(e.value)
         if getattr(kind, "__origin__", None) is tuple and isinstance(e.slice, ast.Constant):
+            assert isinstance(e.slice.value, int)
             part = kind.__args__[e.slice.value]
             return f"{code}.f{e.slice.value}", self.whole.type_of(part), part
         if isinstance(e.slice, ast.Tuple):

@@ -46,7 +46,7 @@ def curve_picture(serial: str, context: ContextOf, asker: Asker, operator: str |
     """The damage identification curve as the page shows it, light or dark as the screen is."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
-        svg = pictured_curve(session, row)
+        svg = pictured_curve(session, row, context.archive)
     return Response(svg, media_type="image/svg+xml", headers=PICTURE_HEADERS)
 
 

@@ -7,6 +7,8 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from detectors.curve.picture import curve_svg
+from service.history.archive import Archive
+from service.monitoring.succession import taken_over
 from service.reading import queries
 from service.reading.curve import curve_of
 from service.storage.tables import Installation, MaintenanceEvent, Pump, ThresholdVersion
@@ -27,14 +29,16 @@ _kept: OrderedDict[tuple[object, ...], str] = OrderedDict()
 _lock = Lock()
 
 
-def pictured_curve(session: Session, row: Pump) -> str:
+def pictured_curve(session: Session, row: Pump, archive: Archive) -> str:
     """The damage identification curve of a pump, drawn anew only where something that it rests on has changed."""
     key = _state(session, row)
     with _lock:
         if key in _kept:
             _kept.move_to_end(key)
             return _kept[key]
-    svg = curve_svg(curve_of(session, row, None, None, None).curve, f"pump {row.serial}")
+    svg = curve_svg(
+        curve_of(session, row, None, None, None, taken_over(session, row, archive)).curve, f"pump {row.serial}"
+    )
     svg = svg.replace("<title>", f"{_DARK}<title>", 1)
     with _lock:
         _kept[key] = svg
