@@ -18,9 +18,12 @@ from detectors.expectation.stand_in import base_anchor
 from detectors.expectation.type_correction import HealthyCurve
 from detectors.judgement.coverage import Coverage
 from detectors.judgement.estimates import NOTHING_FOUND, estimates
-from detectors.judgement.events import MOVED, due, freed_by, viscosity_of
+from detectors.judgement.events import MOVED, Latest, due, freed_by, has_moved, viscosity_of
 from detectors.judgement.handover import (
+    ALONE,
     FEWEST_RECORDS,
+    LIKELY,
+    NOTHING,
     FromOthers,
     Handover,
     Inherited,
@@ -64,10 +67,6 @@ from detectors.words.verdict import Assessment, CasePressure, Estimate, Fit, Qua
 from twin.parameters import Circuit, PumpType
 
 Array = NDArray[np.float64]
-_NOTHING = FromOthers()
-_ALONE: Mapping[str, FromOthers] = {}
-_LIKELY = 0.5
-"""Probability that something is wrong with a position from which the alarm goes on for the next pump there."""
 
 
 def assess(
@@ -99,15 +98,6 @@ def assess(
     observations = sorted(history.observations, key=lambda o: (o.at, o.record_id))
     roles = roles_of([outline_of(o) for o in observations])
     return tuple(Fold(pump, circuit, thresholds, healthy).continued(observations, roles, history))
-
-
-@dataclass(frozen=True, slots=True)
-class Latest:
-    """Where the observation that was taken last stands."""
-
-    at: datetime
-    aircraft: str
-    position: str
 
 
 @dataclass(slots=True)
@@ -161,7 +151,7 @@ class Fold:
         roles: Roles,
         history: History,
         earlier: Sequence[Observation] = (),
-        others: Mapping[str, FromOthers] = _ALONE,
+        others: Mapping[str, FromOthers] = ALONE,
     ) -> Iterator[Assessment]:
         """Take what follows, one assessment per observation.
 
@@ -186,7 +176,7 @@ class Fold:
         measured = measured_windows(judged, bursts, self.pump, self.circuit, self.healthy)
         supplements = {burst: m for found in measured.values() for burst, m in found.supplements.items()}
         for observation in observations:
-            self._meet(observation, history, others.get(observation.record_id, _NOTHING))
+            self._meet(observation, history, others.get(observation.record_id, NOTHING))
             self.latest = Latest(observation.at, observation.aircraft, observation.position)
             self.rejected += sum(not w.accepted for w in observation.reduction.windows)
             found = measured.get(observation.record_id)
@@ -205,7 +195,7 @@ class Fold:
             self._outside(found)
             self.unjudged += 1
             found = None
-        reference = self._reference(found)
+        reference = None if found is None else Reference.of(self.bank, found.measurements[-1])
         doubted = doubt(observation, found.residuals if found is not None else {}, self.pump, reference)
         if doubted is not None:
             again = self.doubtful is not None and self.doubtful.channel == doubted.channel
@@ -228,13 +218,6 @@ class Fold:
             self.case_pressure = case_pressure(float(measured), reference, limit, has_baseline=self._missing() <= 0)
         return measured_trend(observation, found.residuals)
 
-    def _reference(self, found: Measured | None) -> Reference | None:
-        """What the healthy pump is expected to show in the window that the flight is judged by."""
-        if found is None:
-            return None
-        healthy, leading = self.bank.expected(found.measurements[-1])
-        return Reference(*healthy, leading[1])
-
     def _missing(self) -> int:
         """Records that a baseline still needs; none or less when it stands."""
         return int(self.thresholds["baseline_records"]) - self.used
@@ -254,10 +237,10 @@ class Fold:
     ) -> None:
         """What happened between two records: a move frees what stays behind, an entry what it names."""
         done = due(history.maintenance, previous.at, observation.at)
-        moved = _has_moved(previous, observation, history)
+        moved = has_moved(previous, observation, history)
         if moved:
-            left = Left(previous.aircraft, previous.position, self.handover(done), self.bank.records)
-            self.left = with_left(self.left, left)
+            behind = self.handover(done)
+            self.left = with_left(self.left, Left(previous.aircraft, previous.position, behind, self.bank.records))
             self.bank.reset(MOVED, cures=False)
             self.memory = self.memory.moved()
         if moved or done:
@@ -286,7 +269,7 @@ class Fold:
             return
         self.place_records = known.records
         settle(self.bank, known.position)
-        if known.position.wrong > _LIKELY:
+        if known.position.wrong > LIKELY:
             self.alarm = replace(self.alarm, raised=True)
         if handover is None:
             return
@@ -333,10 +316,8 @@ class Fold:
 
     def conclude(self, observation: Observation) -> Verdict:
         """The verdict after this observation; a record that taught nothing repeats the last one."""
-        previous = self.verdict
-        quality = quality_of(
-            self.pump, (self.used, self.rejected), self.coverage, (self.doubtful, self.doubts), self.outside_curve
-        )
+        previous, counts, doubted = self.verdict, (self.used, self.rejected), (self.doubtful, self.doubts)
+        quality = quality_of(self.pump, counts, self.coverage, doubted, self.outside_curve)
         unchanged = previous is not None and previous.quality.records_used == self.used and not self.supplemented
         self.supplemented = False
         if previous is None or not unchanged:
@@ -390,15 +371,10 @@ class Fold:
                 intermittent=shown or vanished,
                 resolved_by=self.memory.resolved_where(healthy=decision.state is State.HEALTHY),
                 case_pressure=self.case_pressure,
-                sensor=self._sensor(found) if suspects_a_sensor else None,
+                sensor=leading_sensor(self.bank, found) if suspects_a_sensor else None,
                 sight=self.sight,
             ),
         )
-
-    def _sensor(self, found: Evidence) -> str | None:
-        """The sensor that is suspected; the only one where there is one."""
-        fitted = [c for c in ("case_pressure_bar", "discharge_pressure_bar") if c not in self.pump.lacks]
-        return fitted[0] if len(fitted) == 1 else leading_sensor(self.bank, found)
 
     def _settling(self) -> int:
         """Records that the reference of a new position still needs; 0 where the pump has never moved."""
@@ -421,9 +397,3 @@ class Fold:
             leader = suspect(decision, found)
             shows = ON_THIS_RECORD if leader is None else showing(self.bank, found, leader)
             self.memory = self.memory.after(leader, observation.at, shows)
-
-
-def _has_moved(previous: Latest, observation: Observation, history: History) -> bool:
-    """Whether a pump was put somewhere, or put in again, between its last record and another one."""
-    moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
-    return moved or any(previous.at < t <= observation.at for t in history.installed_at)

@@ -5,9 +5,10 @@ fluid belong to the position and stay there; zeros and spans belong to the senso
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import datetime
 
-from detectors.words.observation import Maintenance
+from detectors.words.observation import History, Maintenance, Observation
 from twin.parameters import PumpType
 from twin.pumps.fluids import FLUIDS, PRODUCTS, ln_viscosity_ratio
 
@@ -92,3 +93,18 @@ def due(maintenance: tuple[Maintenance, ...], after: datetime, until: datetime) 
     """Entries between two records, in their order."""
     found = [m for m in maintenance if after < m.at <= until]
     return sorted(found, key=lambda m: (m.at, m.action, m.channel or "", m.fluid or ""))
+
+
+@dataclass(frozen=True, slots=True)
+class Latest:
+    """Where the observation that was taken last stands."""
+
+    at: datetime
+    aircraft: str
+    position: str
+
+
+def has_moved(previous: Latest, observation: Observation, history: History) -> bool:
+    """Whether a pump was put somewhere, or put in again, between its last record and another one."""
+    moved = (previous.aircraft, previous.position) != (observation.aircraft, observation.position)
+    return moved or any(previous.at < t <= observation.at for t in history.installed_at)

@@ -71,6 +71,13 @@ class FromOthers:
     survival: float | None = None
 
 
+LIKELY = 0.5
+"""Probability that something is wrong with a position from which the alarm goes on for the next pump there."""
+NOTHING = FromOthers()
+ALONE: Mapping[str, FromOthers] = {}
+"""What records take over where no other pump sat there."""
+
+
 def handed_over(
     bank: Bank, thresholds: Mapping[str, float], at: datetime, records: int, done: Sequence[Maintenance] = ()
 ) -> Handover:

@@ -280,7 +280,10 @@ def showing(bank: Bank, found: Evidence, state: State) -> Showing:
 
 
 def leading_sensor(bank: Bank, found: Evidence) -> str | None:
-    """Channel of the sensor fault with the greatest share; None without one."""
+    """Channel of the sensor fault with the greatest share, or the only pressure that the type has; None without one."""
+    fitted = [c for c in ("case_pressure_bar", "discharge_pressure_bar") if c not in bank.pump.lacks]
+    if len(fitted) == 1:
+        return fitted[0]
     share: dict[str, float] = {}
     for kind, weight in zip(bank.filters.kind[: bank.n], found.weights, strict=True):
         sensor = FAULT_KINDS[kind].sensor if kind >= 0 else None

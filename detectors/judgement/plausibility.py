@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from detectors.bank.bank import Bank
+from detectors.bank.window import Measurement
 from detectors.words.observation import Observation, Residual
 from detectors.words.states import State
 from detectors.words.verdict import CasePressure
@@ -61,6 +63,12 @@ class Reference:
     case_bar: float
     over_reservoir_bar: float
     leading_case_bar: float
+
+    @classmethod
+    def of(cls, bank: Bank, window: Measurement) -> "Reference":
+        """What a bank expects the window that the flight is judged by to show."""
+        healthy, leading = bank.expected(window)
+        return cls(*healthy, leading[1])
 
 
 def doubt(

@@ -11,8 +11,8 @@ from detectors.evaluation.reality import REALITIES, Course, fleet
 from detectors.evaluation.sensing import Sensing, histories
 from detectors.evaluation.study import seed_of
 from detectors.expectation.components import COMPONENTS, N_STATE, PLACE
-from detectors.judgement.assessment import Fold, Latest, assess
-from detectors.judgement.events import MOVED, due, freed_by
+from detectors.judgement.assessment import Fold, assess
+from detectors.judgement.events import MOVED, Latest, due, freed_by
 from detectors.words.flights import outline_of, roles_of
 from detectors.words.observation import ACTIONS, History, Maintenance
 from detectors.words.states import State
