@@ -138,6 +138,8 @@ def _into_postgres(source: Source, manifest: dict[str, Any], url: str) -> None:
     try:
         with database.engine.begin() as connection:
             connection.exec_driver_sql(f'DROP SCHEMA IF EXISTS "{ENGINE_SCHEMA}" CASCADE')
+            for view in inspect(connection).get_view_names():
+                connection.exec_driver_sql(f'DROP VIEW IF EXISTS "{view}" CASCADE')
             old = MetaData()
             old.reflect(connection)
             old.drop_all(connection)
