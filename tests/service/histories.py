@@ -39,15 +39,20 @@ def pump_of(session: Session, serial: str, operator: str) -> Pump:
     return found
 
 
-def write_history(session: Session, letters: str, serial: str = "P-1", operator: str = "north") -> Pump:
-    """Make the pump's history read like ``letters``; ``.`` stands for a flight whose record does not count."""
+def write_history(
+    session: Session, letters: str, serial: str = "P-1", operator: str = "north", aircraft: str = "F-1"
+) -> Pump:
+    """Make the pump's history read like ``letters``; ``.`` stands for a flight whose record does not count.
+
+    Its records have neither bytes nor a reduction: no pump that is folded may take over from it at its ``aircraft``.
+    """
     pump = pump_of(session, serial, operator)
     session.execute(delete(StoredAssessment).where(StoredAssessment.pump_id == pump.id))
     empty = empty_verdict(pump_type("h225"), thresholds_of(session, operator, serial, "h225"))
     for i, letter in enumerate(letters):
         record_id = f"{operator}-{serial}-{i}"
         if session.get(Record, record_id) is None:
-            session.add(_record(pump, record_id, i))
+            session.add(_record(pump, record_id, i, aircraft))
             session.flush()
         if letter == ".":
             continue
@@ -62,7 +67,7 @@ def write_history(session: Session, letters: str, serial: str = "P-1", operator:
                 record_id=record_id,
                 pump_id=pump.id,
                 at=day(i),
-                aircraft="F-1",
+                aircraft=aircraft,
                 position="LH",
                 state=state,
                 trend={},
@@ -73,12 +78,12 @@ def write_history(session: Session, letters: str, serial: str = "P-1", operator:
     return pump
 
 
-def _record(pump: Pump, record_id: str, i: int) -> Record:
+def _record(pump: Pump, record_id: str, i: int, aircraft: str) -> Record:
     return Record(
         id=record_id,
         operator=pump.operator,
         pump_id=pump.id,
-        aircraft="F-1",
+        aircraft=aircraft,
         position="LH",
         flight_id=f"F{i}",
         segment="",

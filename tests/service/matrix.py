@@ -374,7 +374,7 @@ def seeded(client: TestClient, operator: str, serial: str) -> dict[str, str]:
     url = f"{API}/thresholds/operator/{operator}"
     version = client.put(url, json=put, headers={**admin, "If-Match": "*"}).json()["version"]
     with client.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
-        write_history(session, "hhi", serial=f"{serial}-B", operator=operator)
+        write_history(session, "hhi", serial=f"{serial}-B", operator=operator, aircraft="F-2")
     mapping = {"name": f"export-of-{operator}", **_MAPPING}
     assert client.post(f"{API}/mappings", json=mapping, headers=admin).status_code == 201
     rehearsal = {"kind": "reprocess", "parameters": {"pump": serial, "dry_run": True}}

@@ -177,8 +177,11 @@ def test_the_fleet_page_has_pages(client: TestClient, monkeypatch: pytest.Monkey
         (True, True),
         (True, False),
     ]
-    assert client.get("/", params={"page": 99}).text == pages[2]
-    assert client.get("/", params={"page": -1}).text == pages[0]
+    for wanted, asked, nearest in ((99, "3", pages[2]), (-1, "1", pages[0])):
+        page = client.get("/", params={"page": wanted}).text
+        back = f"?back=%2F%3Fpage%3D{wanted}"  # who chooses a zone comes back to what was asked
+        assert page.count(back) == 1
+        assert page.replace(back, f"?back=%2F%3Fpage%3D{asked}") == nearest
     assert client.get("/", params={"page": "two"}).status_code == 422
 
 

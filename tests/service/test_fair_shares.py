@@ -15,7 +15,6 @@ import pytest
 from fastapi.testclient import TestClient
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from starlette.responses import Response
 
 from service.access.account import Account, current_account, in_background, working_for
 from service.access.crowd import Crowd
@@ -25,6 +24,7 @@ from service.errors import Unavailable
 from service.ingest.parser_pool import ParserPool
 from service.ingest.raw import Limits
 from service.settings import Settings
+from service.web.edge import Edge
 from tests.service.guarded import guarded_client, key
 from tests.service.records import body, document
 
@@ -338,16 +338,16 @@ def test_an_answer_that_is_taken_slowly_holds_no_place(client: TestClient) -> No
     """A place of the reads is given back where the answer begins; a queue that is full is answered, not waited for."""
     context = client.app.state.context  # type: ignore[attr-defined]
     reads, seen = context.crowd.reads, []
-    start = Response.__call__
+    start = Edge.__call__
 
-    async def slowly(self: Response, scope: Any, receive: Any, send: Any) -> None:
+    async def slowly(self: Edge, scope: Any, receive: Any, send: Any) -> None:
         async def look(message: Any) -> None:
+            seen.append((message["type"], reads._free))  # before it is taken, however long that lasts
             await send(message)
-            seen.append((message["type"], reads._free))
 
         await start(self, scope, receive, look)
 
-    with mock.patch.object(Response, "__call__", slowly):
+    with mock.patch.object(Edge, "__call__", slowly):
         assert client.get(f"{API}/pumps").status_code == 200
     assert seen == [("http.response.start", reads._places), ("http.response.body", reads._places)]
     reads._free, reads._most_waiting = 0, 0

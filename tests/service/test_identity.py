@@ -17,7 +17,7 @@ from service.demo.fleet import DemoRecord
 from service.history import analysis
 from service.history.codec import same_verdict
 from service.identity import Software, commit, release_number, release_of, software
-from service.monitoring import refold
+from service.monitoring import folded as folding
 from service.reports.content import Period
 from service.reports.page import report_html
 from service.storage.tables import StoredAssessment, VerdictRevision
@@ -114,7 +114,7 @@ def test_an_answer_keeps_the_name_of_who_made_it(loaded: TestClient, monkeypatch
     """Other software of the same sources changes no stored verdict, makes no revision, and finds nothing changed."""
     serial = loaded.get(f"{API}/pumps").json()["items"][0]["serial"]
     before: dict[str, Any] = loaded.get(f"{API}/pumps/{serial}/verdict").json()
-    for module in (refold, analysis):
+    for module in (folding, analysis):
         monkeypatch.setattr(module, "software", lambda: OTHER)
     found = reprocess(loaded, only="verdicts")[serial]
     assert found["status"] == "unchanged"
