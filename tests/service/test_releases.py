@@ -114,6 +114,9 @@ def as_newer(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 @pytest.fixture
 def fresh(client: TestClient, tmp_path: Path) -> Iterator[TestClient]:
     """Another database in the same process, without jobs: there is one engine in a process."""
+    # two threads that parse sources at once may end in a SystemError: jobs of the first application find them parsed
+    made_with()
+    software()
     settings = Settings(database_url=f"sqlite:///{tmp_path / 'fresh.sqlite'}", data_dir=tmp_path / "fresh", auth="off")
     with (
         mock.patch("service.jobs.engine.start"),
