@@ -8,6 +8,7 @@ stands in a package (a fitted surface) belongs to every module of that package.
 import ast
 import functools
 import hashlib
+import threading
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ _HEX = 16
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 _SILENT = frozenset({"ctx", "kind", "type_comment", "type_ignores"})
 """Fields of a syntax tree that say nothing, or only what their place says."""
+_PARSING = threading.Lock()
+"""Python 3.11 counts the depth of a syntax tree for all threads together: two parsers at once may end in a SystemError."""
 
 
 class _Source(NamedTuple):
@@ -122,7 +125,9 @@ def _file(module: str) -> Path | None:
 @functools.cache
 def _read(module: str) -> _Source:
     """A module parsed once; its tree, which is a hundred times as large, is not kept."""
-    tree = ast.parse(_path(module).read_bytes())
+    source = _path(module).read_bytes()
+    with _PARSING:
+        tree = ast.parse(source)
     pieces: list[str] = []
     _write(tree, pieces)
     return _Source(_imports(tree), hashlib.sha256("".join(pieces).encode()).hexdigest())

@@ -140,12 +140,21 @@ def last_verdict(found: History) -> Verdict:
 
 
 def test_a_worn_pump_that_moves_stays_worn() -> None:
-    """One litre more within thirty flights, then another aircraft with drain, fluid, sensors and volumes of its own."""
+    """One litre more within thirty flights, then another aircraft with drain, fluid, sensors and volumes of its own.
+
+    The move hardly touches the level: by 0.03 L/min (standard deviation), 0.09 at most on forty pumps of ten other seeds, 0.12
+    here. It is estimated too low in either aircraft: 0.86 +- 0.12 L/min at the end, 0.64 to 1.11, and 0.85 before it. That was
+    0.89 +- 0.13 until the twin's shaft friction warmed the case, which the judge reads the drain's viscosity by.
+    """
     wear = np.tile(np.clip((np.arange(130) - 30) / 30, 0.0, 1.0), (4, 1))
     for i, one in enumerate(moving((Course("slippers", wear),), 130, 90)):
-        after = [a.verdict for a in assess(one, PUMP, CIRCUIT, THRESHOLDS) if int(a.record_id) >= 85]
+        judged = {int(a.record_id): a.verdict for a in assess(one, PUMP, CIRCUIT, THRESHOLDS)}
+        after = [v for n, v in judged.items() if n >= 85]
         assert {v.state for v in after} == {State.PUMP_DEGRADATION}, i
-        assert after[-1].estimates["pump_leakage_change_lpm"].mean == pytest.approx(1.0, abs=0.25), i
+        last_before = judged[max(n for n in judged if n < 90)]
+        level, before = (v.estimates["pump_leakage_change_lpm"].mean for v in (after[-1], last_before))
+        assert level == pytest.approx(before, abs=0.15), i
+        assert level == pytest.approx(1.0, abs=0.3), i
         assert (after[-1].resolved_by, after[-1].intermittent) == (None, None)
 
 

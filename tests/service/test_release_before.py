@@ -23,7 +23,7 @@ from typing import Any
 import pytest
 from alembic import command
 from fastapi.testclient import TestClient
-from sqlalchemy import Integer, create_engine, func, inspect, select, text
+from sqlalchemy import Column, Integer, MetaData, Table, create_engine, func, inspect, select, text
 
 from detectors.judgement.version import twin_version
 from service.identity import release_number, software
@@ -44,9 +44,10 @@ RELATIVE, SMALL = 1e-6, 1e-9
 NEW = {
     *("twin_version", "software"),
     *("fit", "blind_spots", "probability_beyond_limit", "crossing", "intermittent", "resolved_by", "missing_evidence"),
-    *("case_pressure", "case_pressure_beyond", "other", "bridged"),
+    *("case_pressure", "case_pressure_beyond", "other", "bridged", "warming_k_per_min"),
 }
-"""What a verdict says of the code that made it: another code, by design; and words that the release before did not have."""
+"""What a verdict says of the code that made it: another code, by design; and words of verdicts and windows that the release
+before did not have."""
 CHANGED = PACKED.parents[1] / "states-by-release.json"
 GONE = ("DT-105", 4)
 """Pump, and number of its record in event order, whose raw bytes are no longer kept when the new release comes."""
@@ -105,7 +106,10 @@ def replayed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
 
 
 def copy(file: Path, url: str) -> None:
-    """Every row of an SQLite file to an empty Postgres database, at the schema that the file has."""
+    """Every row of an SQLite file to an empty Postgres database, at the schema that the file has.
+
+    Of a statement for a table of now SQLAlchemy would fill in defaults of columns that the file does not have yet.
+    """
     source, target = create_engine(f"sqlite:///{file}"), create_engine(url)
     with source.connect() as old:
         command.upgrade(alembic_config(url), old.scalar(text("SELECT version_num FROM alembic_version")))
@@ -117,7 +121,7 @@ def copy(file: Path, url: str) -> None:
                 names = {c["name"] for c in has.get_columns(table.name)}
                 rows = old.execute(select(*(c for c in table.columns if c.name in names))).mappings().all()
                 if rows:
-                    new.execute(table.insert(), [dict(row) for row in rows])
+                    new.execute(as_of_then(table, names).insert(), [dict(row) for row in rows])
                 (key, *others) = table.primary_key.columns
                 if rows and not others and isinstance(key.type, Integer):
                     last = func.setval(
@@ -126,6 +130,11 @@ def copy(file: Path, url: str) -> None:
                     new.execute(select(last))
     source.dispose()
     target.dispose()
+
+
+def as_of_then(table: Table, names: set[str]) -> Table:
+    """A table with no other columns than these."""
+    return Table(table.name, MetaData(), *(Column(c.name, c.type) for c in table.columns if c.name in names))
 
 
 def differences(before: Any, after: Any, where: str = "", share: float = RELATIVE, small: float = SMALL) -> list[str]:

@@ -1,5 +1,6 @@
 """Releases that follow each other, or run beside each other, on one database."""
 
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from sqlalchemy import select
 from detectors.judgement.version import _MODULES
 from detectors.reduction.recording import reduce_recording
 from detectors.words.observation import Reduction
+from service import identity
 from service.context import Context
 from service.demo.fleet import DemoRecord
 from service.errors import Unavailable
@@ -21,7 +23,7 @@ from service.history import reduced
 from service.history.analysis import analysis_key
 from service.history.setting import Setting
 from service.identity import release_number, software
-from service.monitoring import acceptance, precedence, reanalysis, renewal
+from service.monitoring import acceptance, counting, precedence, reanalysis, refold, renewal
 from service.monitoring.precedence import HeldByNewerError, made_with
 from service.monitoring.renewal import CAUSE, Renewal, due_pumps, reduced_again
 from service.settings import Settings
@@ -89,13 +91,21 @@ def other_code(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 
 @pytest.fixture
 def as_newer(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """Let this process be one of the newer release."""
+    """Let this process be one of the newer release, wherever it asks."""
 
     def become() -> None:
         def number(release: str = NEWER) -> int:
             return release_number(release)
 
-        for module in (precedence, renewal, acceptance):
+        asking = [
+            module
+            for name, module in sys.modules.items()
+            if name.startswith("service.")
+            and module is not identity
+            and vars(module).get("release_number") is release_number
+        ]
+        assert {precedence, renewal, acceptance, counting, refold} <= set(asking)
+        for module in asking:
             monkeypatch.setattr(module, "release_number", number)
 
     return become
@@ -104,6 +114,9 @@ def as_newer(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 @pytest.fixture
 def fresh(client: TestClient, tmp_path: Path) -> Iterator[TestClient]:
     """Another database in the same process, without jobs: there is one engine in a process."""
+    # two threads that parse sources at once may end in a SystemError: jobs of the first application find them parsed
+    made_with()
+    software()
     settings = Settings(database_url=f"sqlite:///{tmp_path / 'fresh.sqlite'}", data_dir=tmp_path / "fresh", auth="off")
     with (
         mock.patch("service.jobs.engine.start"),
