@@ -9,7 +9,7 @@ from prometheus_client import Histogram
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from detectors.judgement.succession import Seat
+from detectors.judgement.succession import Place, Seat
 from detectors.words.verdict import Assessment
 from service.alarms.ledger import actions_of, follow, point_of_row
 from service.alarms.life_cycle import Life, Point, lives, rules_of
@@ -24,7 +24,7 @@ from service.monitoring import snapshots
 from service.monitoring.chain import chain
 from service.monitoring.fold import Start, Step, steps
 from service.monitoring.snapshots import Kept
-from service.monitoring.succession import with_neighbours
+from service.monitoring.succession import Neighbourhood, seats_of_known
 from service.storage.tables import Pump, Record, StoredAssessment, VerdictRevision
 
 _tracer = trace.get_tracer("casedrain")
@@ -63,6 +63,8 @@ class Folded:
         Instant and state of those that go, by record.
     seats
         Where the pump's records lay by what was stored.
+    alone_at
+        Where its records lay and lie, if no other pump was ever seen there; empty otherwise.
     kept
         Snapshots.
     alarms
@@ -78,6 +80,7 @@ class Folded:
     assessments: Sequence[StoredAssessment]
     before: Mapping[str, tuple[datetime, str]]
     seats: Sequence[Seat]
+    alone_at: frozenset[Place]
     goes_whole: bool
     kept: Kept
     alarms: tuple[Life, ...] | None
@@ -132,9 +135,8 @@ def _folded(
     from_scratch: bool,
     given_up: Callable[[], bool],
 ) -> Folded:
-    found = with_neighbours(
-        session, pump, archive, knowledge(session, pump, archive, dossier=dossier, incoming=incoming)
-    )
+    here = Neighbourhood(session, archive)
+    found = here.of(pump, knowledge(session, pump, archive, dossier=dossier, incoming=incoming))
     version = found.twin_version
     links = chain(found.known, version, found.thresholds.version)
     stored = _stored(session, pump)
@@ -149,14 +151,14 @@ def _folded(
         start = None if from_scratch else snapshots.start_of(session, pump.id, found.known, links, same)
         made, taken = _made(session, found, start, (same, end, len(links)), given_up)
         kept = snapshots.kept_of(session, pump.id, links, start, taken, appended=same >= len(stored))
-    places, made_by = {p.outline.record_id: p.outline for p in placed}, software().to_json()
+    outlines, made_by = {p.outline.record_id: p.outline for p in placed}, software().to_json()
     rows = [
         StoredAssessment(
             record_id=a.record_id,
             pump_id=pump.id,
             at=a.at,
-            aircraft=places[a.record_id].aircraft,
-            position=places[a.record_id].position,
+            aircraft=outlines[a.record_id].aircraft,
+            position=outlines[a.record_id].position,
             state=a.verdict.state.value,
             trend=trend_to_json(a.trend),
             verdict=verdict_to_json(a.verdict, version, found.thresholds.version, made_by),
@@ -165,12 +167,15 @@ def _folded(
         for a, link in zip(made, links[same:end], strict=True)
     ]
     is_whole = end == len(links)
+    seats = [Seat(row.at, i, pump.id, (row.aircraft, row.position)) for i, row in stored.items()]
+    places = frozenset(seat.place for seat in (*seats, *seats_of_known(pump.id, found.known)))
     return Folded(
         found,
         links,
         rows,
         {i: (stored[i].at, stored[i].state) for i in gone},
-        [Seat(row.at, i, pump.id, (row.aircraft, row.position)) for i, row in stored.items()],
+        seats,
+        places if places and not here.near(pump, places) else frozenset(),
         len(gone) == len(stored),
         kept,
         _alarms(session, pump, found, dossier, [*(stored[i] for i in _ids(placed, 0, same)), *rows])

@@ -24,7 +24,7 @@ from service.ingest.names import look_of
 from service.monitoring.fold import fold
 from service.monitoring.folded import Cause, Folded, folded, keep
 from service.monitoring.precedence import left_to_newer, made_with, take_over
-from service.monitoring.succession import Neighbourhood, seats_of_known, successors, with_neighbours
+from service.monitoring.succession import Neighbourhood, nobody_else_at, seats_of_known, successors, with_neighbours
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
 from service.storage.database import Database, afterwards
@@ -141,7 +141,7 @@ def kept(session: Session, pump: Pump, made: Folded, archive: Archive, cause: Ca
     """
     keep(session, pump, made, cause)
     changed = frozenset(made.before).union(row.record_id for row in made.assessments)
-    if changed:
+    if changed and not made.alone_at:
         seats = (made.seats, seats_of_known(pump.id, made.found.known))
         again = not changed.isdisjoint(made.found.known.borrowed)
         afterwards(session, partial(_told, archive=archive, pump_id=pump.id, changed=changed, seats=seats, again=again))
@@ -180,6 +180,8 @@ def claimed(session: Session, known: Dossier, made: Folded, *conditions: ColumnE
         "made_by": release_number(),
         "made_with": made_with() if made.is_whole else None,
     }
+    if made.alone_at:
+        conditions = (*conditions, nobody_else_at(pump, made.alone_at))
     wanted = update(Pump).where(Pump.id == pump.id, Pump.revision == pump.revision, is_ours, *conditions).values(values)
     taken = session.execute(wanted.execution_options(synchronize_session=False))
     return cast("CursorResult[Any]", taken).rowcount == 1

@@ -8,7 +8,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
-from sqlalchemy import and_, or_, select
+import structlog
+from sqlalchemy import ColumnElement, Select, and_, not_, or_, select
 from sqlalchemy.orm import Session
 
 from detectors.judgement.assessment import Fold
@@ -17,6 +18,7 @@ from detectors.judgement.handover import FromOthers
 from detectors.judgement.snapshot import fold_from
 from detectors.judgement.succession import Place, Seat, Sources, sources_of
 from detectors.words.observation import Maintenance
+from service.errors import Unavailable
 from service.history.archive import Archive
 from service.history.knowledge import Knowledge, installation_intervals, knowledge, maintenance_of
 from service.history.known import ALONE, Known, Others
@@ -26,6 +28,8 @@ from service.monitoring.chain import chain
 from service.monitoring.fold import steps
 from service.monitoring.precedence import made_with
 from service.storage.tables import Installation, Pump, Record, StoredAssessment
+
+log = structlog.get_logger("casedrain")
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,9 +179,16 @@ class Neighbourhood:
         return self._gathered[pump_id]
 
     def _fold_behind(self, source: tuple[int, str]) -> Fold | None:
-        """A fold that is looked at and left as it is, made once."""
+        """A fold that is looked at and left as it is, made once; None where it cannot be made now.
+
+        A pump whose raw bytes are gone while its records would have to be read again holds up no other pump.
+        """
         if source not in self._folds:
-            self._folds[source] = self._folded(*source)
+            try:
+                self._folds[source] = self._folded(*source)
+            except Unavailable as problem:
+                log.warning("nothing is taken over", pump_id=source[0], problem=problem.detail)
+                self._folds[source] = None
         return self._folds[source]
 
     def _folded(self, pump_id: int, record_id: str) -> Fold | None:
@@ -233,11 +244,28 @@ def neighbours_at(session: Session, operator: str, places: Collection[Place]) ->
     """Pumps of an operator with a record or an entered installation at one of some places, whether they count or not."""
     if not places:
         return set()
+    recorded, entered = _sat_at(operator, places)
+    return set(session.scalars(recorded.union(entered)))
+
+
+def nobody_else_at(pump: Pump, places: Collection[Place]) -> ColumnElement[bool]:
+    """Condition under which no other pump of a pump's operator has sat at one of some places."""
+    recorded, entered = _sat_at(pump.operator, places)
+    return and_(
+        not_(recorded.where(Record.pump_id != pump.id).exists()),
+        not_(entered.where(Installation.pump_id != pump.id).exists()),
+    )
+
+
+def _sat_at(operator: str, places: Collection[Place]) -> tuple[Select[int], Select[int]]:
+    """Pumps that sat somewhere by their records, and by what was entered."""
     recorded = or_(*(and_(Record.aircraft == a, Record.position == p) for a, p in sorted(places)))
     entered = or_(*(and_(Installation.aircraft == a, Installation.position == p) for a, p in sorted(places)))
-    query = select(Record.pump_id).where(Record.operator == operator, Record.pump_id.is_not(None), recorded)
     own = select(Installation.pump_id).join(Pump, Installation.pump_id == Pump.id)
-    return set(session.scalars(query.union(own.where(Pump.operator == operator, entered))))
+    return (
+        select(Record.pump_id).where(Record.operator == operator, Record.pump_id.is_not(None), recorded),
+        own.where(Pump.operator == operator, entered),
+    )
 
 
 def successors(
