@@ -148,8 +148,8 @@ MUTANTS: tuple[Mutant, ...] = (
     _ledger('before["closed_at"] is None and after["closed_at"] is not None', "False"),
     _ledger('"active" if alarm.cleared_at is None else "cleared"', '"active"'),
     _ledger("if row.id not in held and row.withdrawn_at is None:", "if False:"),
-    Mutant("pages", "service.reading.channels", "low[first:last].argmin()", "low[first:last].argmax()", _CHANNELS),
-    Mutant("pages", "service.reading.channels", "gaps[k] = float(", "borders[k] = float(", _CHANNELS),
+    Mutant("pages", "service.history.overview", "(np.minimum, np.maximum)", "(np.maximum, np.maximum)", _CHANNELS),
+    Mutant("pages", "service.history.overview", "None) for k in empty]", "None) for k in empty[:0]]", _CHANNELS),
     Mutant(
         "pages", "service.thresholds.layers", "if pump.id in held:", "if False:", _FLEET_PAGE, "one_by_one and sqlite"
     ),

@@ -144,11 +144,11 @@ class AlarmFigures(TypedDict):
     reopened: int
     """Number of times that one asked again after somebody had dealt with it (a count)."""
     median_days: float | None
-    """Median duration from onset to clearance, in days of event time; null without any that cleared."""
+    """Median duration from onset to clearance, in days of event time [d]; null without any that cleared."""
     longest_days: float | None
-    """Longest duration from onset to clearance, in days of event time."""
+    """Longest duration from onset to clearance, in days of event time [d]; null without any that cleared."""
     median_hours_to_acknowledge: float | None
-    """Median time from when the alarm was known to its first acknowledgement, in hours."""
+    """Median time from when the alarm was known to its first acknowledgement [h]; null without any acknowledged."""
     nuisance: Share
     """Of the alarms that are decided, those that ended without anything having been done or found, or that a finding
     refuted. Decided: cleared, or refuted by a finding."""
