@@ -45,6 +45,7 @@ def client(database_url: str, tmp_path: Path) -> Iterator[TestClient]:
         yield running
 
 
+@pytest.mark.study
 def test_a_replay_gives_the_verdict_to_the_last_digit(
     client: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

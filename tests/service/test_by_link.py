@@ -52,6 +52,7 @@ def answers(client: TestClient, who: dict[str, str], monkeypatch: pytest.MonkeyP
     return [*found, page[page.index('id="forecast"') : page.index('id="curve"')], client.get("/").text.count("<tr>")]
 
 
+@pytest.mark.study
 def test_what_is_kept_is_what_would_be_read(guarded: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     context = guarded.app.state.context  # type: ignore[attr-defined]
     who, seen = key(guarded, "engineer", "north"), []

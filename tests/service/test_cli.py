@@ -70,6 +70,7 @@ def test_upload_through_a_running_server(files: list[str], tmp_path: Path) -> No
         assert "analysed" in mixed.output
 
 
+@pytest.mark.study
 def test_upload_takes_folders_and_patterns_and_goes_on(files: list[str], tmp_path: Path) -> None:
     folder = tmp_path / "day"
     (folder / "deeper").mkdir(parents=True)

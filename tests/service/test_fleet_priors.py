@@ -20,6 +20,7 @@ from twin.pumps import pump_type
 API = "/api/v1"
 
 
+@pytest.mark.study
 def test_a_fleet_becomes_a_pump_type_of_its_own(
     client: TestClient, settings: Settings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -82,6 +82,7 @@ def test_what_cannot_be_made_is_refused_before_it_starts(client: TestClient) -> 
     assert client.get(f"{API}/jobs").json()["items"] == []
 
 
+@pytest.mark.study
 def test_a_study_leaves_its_numbers_and_goes_on_where_it_stood(client: TestClient) -> None:
     job = asked(client, "evaluation", STUDY)
     assert job["status"] == "succeeded", job

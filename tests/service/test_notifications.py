@@ -397,6 +397,7 @@ class TestMail:
         assert (row.status, row.outcome) == ("pending", "no delivery: ConnectionRefusedError")
 
 
+@pytest.mark.study
 def test_the_postman_works_by_itself(database_url: str, tmp_path: Path, inbox: Inbox) -> None:
     settings = Settings(database_url=database_url, data_dir=tmp_path, auth="on", webhook_allowed_hosts="localhost")
     with TestClient(create_app(settings), base_url="http://localhost") as client:

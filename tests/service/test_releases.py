@@ -162,6 +162,7 @@ def test_the_fleet_is_reduced_again_in_the_background(
         assert Renewal(context.database, context.archive).run(Event()) == 0
 
 
+@pytest.mark.study
 def test_a_start_takes_up_what_is_marked_old(settings: Settings, worn_records: list[DemoRecord]) -> None:
     """A migrated database says nothing of who made its rows."""
     with TestClient(create_app(settings), base_url="http://localhost") as client:

@@ -180,6 +180,7 @@ def test_histories_older_than_snapshots_are_taken_over(context: Context, flights
     assert set(kept(context)) == snapshot_places(20) != set()
 
 
+@pytest.mark.study
 def test_snapshots_survive_a_restart_and_go_with_their_operator(
     settings: Settings, flights: Sequence[Observation], read: list[str]
 ) -> None:

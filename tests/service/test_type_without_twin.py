@@ -91,6 +91,7 @@ def healthy_before(rng: np.random.Generator) -> list[tuple[Any, Any]]:
     return [cycle(rng, oil) for oil in COOLERS for _ in range(5)]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("fall", [0.0, WEAK_BAR])
 def test_a_leak_is_a_change_of_open_cause_and_health_stays_health(rig: TestClient, fall: float) -> None:
     rng = np.random.default_rng(7)

@@ -254,6 +254,7 @@ def test_unknown_query_parameters_are_refused_by_name(client: TestClient) -> Non
     assert answer.json()["errors"][0]["where"] == "query.tail"
 
 
+@pytest.mark.study
 def test_stored_but_not_analysed_is_picked_up_at_the_next_start(client: TestClient, settings: Any) -> None:
     from service.access.security import EVERYBODY
     from service.monitoring.acceptance import Upload

@@ -19,6 +19,7 @@ from tests.service.exports import FOLDER
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "your-own-export.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.study
 def test_the_commands_of_the_tutorial_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(FOLDER, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
