@@ -112,7 +112,7 @@ def test_a_request_is_a_span_with_parsing_and_folding_below(
     monkeypatch.setattr(trace, "_TRACER_PROVIDER", None)
     monkeypatch.setattr(trace, "_TRACER_PROVIDER_SET_ONCE", Once())
     monkeypatch.setattr(traces, "_provider", lambda _settings: provider)
-    for tracer in ("service.ingest.parser_pool._tracer", "service.monitoring.refold._tracer"):
+    for tracer in ("service.ingest.parser_pool._tracer", "service.monitoring.folded._tracer"):
         monkeypatch.setattr(tracer, provider.get_tracer("casedrain"))
     settings = Settings(database_url=new_database("sqlite"), data_dir=tmp_path / "data", auth="off", traces="otlp")
     with TestClient(create_app(settings), base_url="http://localhost") as client:

@@ -13,7 +13,12 @@ from twin.version import numbers_hash
 def test_every_number_has_unit_and_source(kind: PumpType) -> None:
     numbers = {f"{part}.{name}" for part in kind.pump._fields for name in getattr(kind.pump, part)._fields}
     assert numbers == set(kind.quantities)
-    for quantity in (*kind.quantities.values(), *kind.limits.values(), *kind.population.values()):
+    rates = {name: q for name, q in kind.population.items() if name.endswith("_onsets")}
+    assert {q.unit for q in rates.values()} == {
+        "1/1000 records"
+    }  # of faults, not of the pump: no quantity of the twin's
+    others = (q for name, q in kind.population.items() if name not in rates)
+    for quantity in (*kind.quantities.values(), *kind.limits.values(), *others):
         assert quantity.unit in SI_PER_UNIT
         assert len(quantity.source) > 3
 
