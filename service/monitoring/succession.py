@@ -245,7 +245,7 @@ def neighbours_at(session: Session, operator: str, places: Collection[Place]) ->
     if not places:
         return set()
     recorded, entered = _sat_at(operator, places)
-    return set(session.scalars(recorded.union(entered)))
+    return {pump_id for pump_id in session.scalars(recorded.union(entered)) if pump_id is not None}
 
 
 def nobody_else_at(pump: Pump, places: Collection[Place]) -> ColumnElement[bool]:
@@ -257,7 +257,7 @@ def nobody_else_at(pump: Pump, places: Collection[Place]) -> ColumnElement[bool]
     )
 
 
-def _sat_at(operator: str, places: Collection[Place]) -> tuple[Select[int], Select[int]]:
+def _sat_at(operator: str, places: Collection[Place]) -> tuple[Select[int | None], Select[int]]:
     """Pumps that sat somewhere by their records, and by what was entered."""
     recorded = or_(*(and_(Record.aircraft == a, Record.position == p) for a, p in sorted(places)))
     entered = or_(*(and_(Installation.aircraft == a, Installation.position == p) for a, p in sorted(places)))
