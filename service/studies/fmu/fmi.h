@@ -1,4 +1,22 @@
-/* The functions of FMI 2.0 and 3.0 for co-simulation over get, set, make, reset and go_on of a Model. */
+/* The functions of FMI 2.0 and 3.0 for co-simulation over make, reset, go_on and refresh of a Model, whose v holds the values
+   by reference; refresh brings its outputs up to date before they are read. */
+static int get(Model *m, const unsigned *vr, size_t n, double *value) {
+    refresh(m);
+    for (size_t i = 0; i < n; i++) {
+        if (vr[i] >= N_VARIABLES) return 3;
+        value[i] = m->v[vr[i]];
+    }
+    return 0;
+}
+
+static int set(Model *m, const unsigned *vr, size_t n, const double *value) {
+    for (size_t i = 0; i < n; i++) {
+        if (vr[i] < 1 || vr[i] >= FIRST_OUTPUT) return 3;
+        m->v[vr[i]] = value[i];
+    }
+    return 0;
+}
+
 #define OK(name, ...) EXPORT int name(__VA_ARGS__) { return 0; }
 #define NO(name) EXPORT int name(void) { return 3; }
 

@@ -86,22 +86,6 @@ static int advance(Model *m, double h) {
     return 0;
 }
 
-static int get(Model *m, const unsigned *vr, size_t n, double *value) {
-    for (size_t i = 0; i < n; i++) {
-        if (vr[i] >= N_VARIABLES) return 3;
-        value[i] = m->v[vr[i]];
-    }
-    return 0;
-}
-
-static int set(Model *m, const unsigned *vr, size_t n, const double *value) {
-    for (size_t i = 0; i < n; i++) {
-        if (vr[i] < 1 || vr[i] >= FIRST_OUTPUT) return 3;
-        m->v[vr[i]] = value[i];
-    }
-    return 0;
-}
-
 static Model *make(const char *token) {
     if (!token || strcmp(token, TOKEN)) return NULL;
     Model *m = malloc(sizeof *m);
@@ -114,5 +98,7 @@ static int go_on(Model *m, double t, double h) {
     m->v[0] = t + h;
     return advance(m, h);
 }
+
+static void refresh(Model *m) {}
 
 #include "fmi.h"
