@@ -17,7 +17,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from typing import Any
 import httpx2
 
 from benchmarks import RESULTS, keep
+from benchmarks.ingest import await_ready
 from benchmarks.overload import server
 from service.access.security import new_key
 from service.storage.database import Database, upgrade
@@ -50,7 +50,7 @@ def run(seed: int, seconds: float, kind: str) -> dict[str, Any]:
         with Database(url).writing() as session:
             _, key = new_key(session, "cases", "admin", None, None)
         with server(url, folder, PORT, **_LIMITLESS) as process:
-            _wait()
+            await_ready(process, URL)
             headers = {"Authorization": f"Bearer {key}", "Content-Type": "application/json"}
             httpx2.post(f"{URL}/api/v1/records", content=body(), headers=headers).raise_for_status()
             report = folder / "report.json"
@@ -78,17 +78,6 @@ def run(seed: int, seconds: float, kind: str) -> dict[str, Any]:
         "unexpected_errors_in_the_log": log.count('"event": "unexpected error"'),
         "server_most_mib": round(int(memory[1]) / 1024.0) if memory else None,
     }
-
-
-def _wait() -> None:
-    for _ in range(600):
-        try:
-            if httpx2.get(f"{URL}/readyz").status_code == 200:
-                return
-        except httpx2.HTTPError:
-            pass
-        time.sleep(0.2)
-    raise SystemExit("the server does not come up")
 
 
 def _counted(text: str) -> dict[str, Any]:

@@ -101,7 +101,7 @@ def served() -> Iterator[int]:
         ]
         process = subprocess.Popen(command, env={**os.environ, **settings}, stdout=subprocess.DEVNULL)  # noqa: S603 - our own
         try:
-            _await_ready(process)
+            await_ready(process, URL)
             # wakes the process that reads files
             httpx2.post(f"{URL}/api/v1/records", content=b"{}", headers={"content-type": "application/json"})
             yield process.pid
@@ -110,12 +110,13 @@ def served() -> Iterator[int]:
             process.wait()
 
 
-def _await_ready(process: "subprocess.Popen[bytes]") -> None:
+def await_ready(process: "subprocess.Popen[bytes]", url: str) -> None:
+    """Wait for a server of ours; raises where it ends or does not come up."""
     for _ in range(1200):
         if process.poll() is not None:
-            raise RuntimeError(f"the server ended with code {process.returncode}; is port {PORT} taken?")
+            raise RuntimeError(f"the server ended with code {process.returncode}; is the port of {url} taken?")
         try:
-            if httpx2.get(f"{URL}/readyz").status_code == 200:
+            if httpx2.get(f"{url}/readyz").status_code == 200:
                 return
         except httpx2.TransportError:
             pass

@@ -39,7 +39,7 @@ from twin.pumps import pump_type
 SIZES, REPEATS, LATE_BY = (100, 1000), 5, 20
 
 
-def _history(n: int) -> list[Observation]:
+def history_of(n: int) -> list[Observation]:
     """One pump whose leakage grows: faults cost hypotheses."""
     kind, circuit, rng = pump_type("h225"), Setting().circuit_parameters, seed_of(1, "refold")
     flown = n + n // 4  # some drop out
@@ -47,7 +47,8 @@ def _history(n: int) -> list[Observation]:
     return list(histories(flights, kind, Sensing(), rng)[0].observations)[:n]
 
 
-def _add(context: Context, observations: Sequence[Observation], key: str) -> None:
+def add(context: Context, observations: Sequence[Observation], key: str) -> None:
+    """Store records of the pump, already reduced."""
     with context.database.writing() as session:
         pump = session.scalars(select(Pump)).one()
         session.add_all(
@@ -75,6 +76,19 @@ def _add(context: Context, observations: Sequence[Observation], key: str) -> Non
         )
 
 
+def with_one_pump(folder: Path) -> tuple[Context, str]:
+    """A service on SQLite that knows a pump without records, and the key of the analyses that it takes."""
+    settings = Settings(data_dir=folder, database_url="", auth="off")
+    upgrade(settings.effective_database_url)
+    context = opened(settings)
+    with context.database.writing() as session:
+        session.add(
+            Pump(operator="default", serial="P-1", pump_type="h225", confirmed=True, created_at=datetime.now(UTC))
+        )
+        session.flush()
+        return context, analysis_key(pump_type("h225"), Setting(), thresholds_of(session, "default", "P-1", "h225"))
+
+
 def _refolded(context: Context, *, from_scratch: bool) -> float:
     """Milliseconds of one refold with its commit."""
     start = time.process_time()
@@ -85,25 +99,17 @@ def _refolded(context: Context, *, from_scratch: bool) -> float:
 
 def measured(n: int) -> dict[str, Any]:
     """The upload of record n and of the few after it, one by one; then some that come late; then all from scratch."""
-    observations = _history(n + REPEATS)
+    observations = history_of(n + REPEATS)
     late = [observations.pop(n - LATE_BY) for _ in range(REPEATS)] if n > 2 * LATE_BY else []
     with tempfile.TemporaryDirectory() as folder:
-        settings = Settings(data_dir=Path(folder), database_url="", auth="off")
-        upgrade(settings.effective_database_url)
-        context = opened(settings)
-        with context.database.writing() as session:
-            session.add(
-                Pump(operator="default", serial="P-1", pump_type="h225", confirmed=True, created_at=datetime.now(UTC))
-            )
-            session.flush()
-            key = analysis_key(pump_type("h225"), Setting(), thresholds_of(session, "default", "P-1", "h225"))
+        context, key = with_one_pump(Path(folder))
         first, last = observations[:-REPEATS], observations[-REPEATS:]
-        _add(context, first, key)
+        add(context, first, key)
         _refolded(context, from_scratch=True)
         appended, inserted = [], []
         for found, group in ((appended, last), (inserted, late)):
             for observation in group:
-                _add(context, [observation], key)
+                add(context, [observation], key)
                 found.append(_refolded(context, from_scratch=False))
         whole = [_refolded(context, from_scratch=True) for _ in range(REPEATS)]
         with context.database.reading() as session:

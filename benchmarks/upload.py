@@ -36,18 +36,12 @@ from starlette.routing import Route
 
 from benchmarks import keep
 from benchmarks.ingest import flight
-from benchmarks.refold import _add, _history
+from benchmarks.refold import add, history_of, with_one_pump
 from detectors.judgement.version import twin_version
 from detectors.words.observation import Observation
 from service.demo.flights import csv_bytes
-from service.history.analysis import analysis_key
-from service.history.setting import Setting
 from service.monitoring.refold import refold
-from service.running import opened
-from service.settings import Settings
-from service.storage.database import upgrade
 from service.storage.tables import Pump
-from service.thresholds.layers import thresholds_of
 from twin.pumps import pump_type
 from twin.recording import Recording
 
@@ -206,17 +200,9 @@ def _row(words: str, ms: dict[str, float]) -> dict[str, Any]:
 
 def prepared(folder: Path) -> list[Observation]:
     """A data folder with one pump and a long history, folded."""
-    observations = [replace(o, at=o.at - _YEARS_BACK) for o in _history(RECORDS)]
-    settings = Settings(data_dir=folder, database_url="", auth="off")
-    upgrade(settings.effective_database_url)
-    context = opened(settings)
-    with context.database.writing() as session:
-        session.add(
-            Pump(operator="default", serial="P-1", pump_type="h225", confirmed=True, created_at=datetime.now(UTC))
-        )
-        session.flush()
-        key = analysis_key(pump_type("h225"), Setting(), thresholds_of(session, "default", "P-1", "h225"))
-    _add(context, observations, key)
+    observations = [replace(o, at=o.at - _YEARS_BACK) for o in history_of(RECORDS)]
+    context, key = with_one_pump(folder)
+    add(context, observations, key)
     with context.database.writing() as session:
         refold(session, session.scalars(select(Pump)).one(), context.archive)
     context.close()
