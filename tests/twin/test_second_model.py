@@ -9,6 +9,7 @@ import pytest
 from benchmarks.referee import problem
 from benchmarks.second_model import NOMINAL, compared, conditions
 from twin.condition import Condition, Health
+from twin.parts.drive import viscous_torque
 from twin.pumps import circuit_parameters, pump_type
 from twin.simulation.layout import ALPHA, ALPHA_DOT, N_SHARED, P_D, THETA, V_SPOOL, X
 from twin.simulation.run import steady_run
@@ -77,6 +78,15 @@ def test_its_jacobian_is_that_of_its_rates() -> None:
     slopes = pump.slopes(y, 1e-3)
     size = np.abs(slopes) @ np.abs(2.0 * move) + 1e-9
     assert (np.abs(slopes @ (2.0 * move) - difference) < 0.02 * size).all()
+
+
+@pytest.mark.parametrize("speed_rpm", [1500.0, 4600.0])
+@pytest.mark.parametrize("fluid_temperature_degc", [-20.0, 50.0, 95.0])
+def test_its_films_drag_as_the_firsts_do(speed_rpm: float, fluid_temperature_degc: float) -> None:
+    numbers = {part: getattr(PUMP, part)._asdict() for part in PUMP._fields} | {"circuit": BENCH._asdict()}
+    second = SecondPump(numbers, Where(speed_rpm, fluid_temperature_degc, 0.0, 5.0))
+    first = viscous_torque(PUMP.drive, PUMP.fluid, fluid_temperature_degc + 273.15, second.omega)
+    assert second.viscous_torque() == pytest.approx(first, rel=1e-6)
 
 
 @pytest.mark.study

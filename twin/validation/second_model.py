@@ -51,13 +51,14 @@ class SecondPump:
     ----------
     numbers
         By part and name, SI: ``piston``, ``slipper``, ``port_plate``, ``swashplate``, ``compensator``, ``volumes``, ``servo``,
-        ``fluid``, ``circuit``. Constant slipper gaps, no air, smooth edges, carried servo pistons with a vented rate piston.
+        ``drive``, ``fluid``, ``circuit``. Constant slipper gaps, no air, smooth edges, carried servo pistons with a vented rate piston.
     """
 
     def __init__(self, numbers: Numbers, where: Where) -> None:
         self.p, self.s, self.pp = numbers["piston"], numbers["slipper"], numbers["port_plate"]
         self.sw, self.c, self.vol = numbers["swashplate"], numbers["compensator"], numbers["volumes"]
         self.sv, self.f, self.ci = numbers["servo"], numbers["fluid"], numbers["circuit"]
+        self.drive = numbers["drive"]
         self.at = where
         f, T = self.f, where.fluid_temperature_degc + 273.15
         self.T, self.omega, self.n = T, where.speed_rpm * np.pi / 30.0, int(self.p["n"])
@@ -243,8 +244,24 @@ class SecondPump:
         y[N_STATES:] = np.where(pressed, y[P_D], self.P_s / BAR)
         return y
 
+    def viscous_torque(self) -> float:
+        """Drag of the sliding films [N m]: as warm as their own friction makes them before ``film_conductance`` carries it off."""
+        d, reference = self.drive, 4600.0 * np.pi / 30.0
+
+        def ambient_viscosity(T: float) -> float:
+            return self._nu(T) * (self.f["rho_ref"] + self.f["rho_slope"] * (T - self.f["T_ref"]))
+
+        film = 323.15 + d["torque_viscous_ref"] * reference / d["film_conductance"]
+        per = d["torque_viscous_ref"] / reference / ambient_viscosity(film) * self.omega
+
+        def surplus(warmed: float) -> float:
+            return d["film_conductance"] * warmed - per * ambient_viscosity(self.T + warmed) * self.omega
+
+        most = per * ambient_viscosity(self.T) * self.omega / d["film_conductance"]
+        return per * ambient_viscosity(self.T + brentq(surplus, 0.0, most))
+
     def means(self, guess: Mapping[str, float], settle: int = 12, per: int = 720) -> dict[str, float]:
-        """Means over one revolution after ``settle``: gauge pressures [bar], flows [L/min], hydraulic torque [N m], tilt [deg].
+        """Means over one revolution after ``settle``: gauge pressures [bar], flows [L/min], shaft torque [N m], tilt [deg].
 
         ``guess`` as of ``start``. No step is longer than two degrees, so that no opening port is passed over.
         """
@@ -256,7 +273,8 @@ class SecondPump:
         )[1:]  # fmt: skip
         angles = self.omega * instants[1:, None] + self.pistons
         P, *_, turning = self._chambers(states, angles)
-        torque = -((P - states[:, P_C, None] * BAR) * turning).sum(axis=1) / self.omega
+        hydraulic = -((P - states[:, P_C, None] * BAR) * turning).sum(axis=1) / self.omega
+        friction = self.viscous_torque() + self.drive["torque_pressure"] * (states[:, P_D] - states[:, P_C]) * BAR
         drain = self.circuit_flows(states)[1]
         gauge = states[:, :2].mean(axis=0) - self.P_amb / BAR
         return {
@@ -264,7 +282,7 @@ class SecondPump:
             "case_pressure_bar": float(gauge[1]),
             "case_flow_lpm": float(drain.mean()) / LPM,
             "discharge_flow_lpm": self.at.discharge_flow_lpm,
-            "shaft_torque_nm": float(np.mean(torque)),
+            "shaft_torque_nm": float(np.mean(hydraulic + friction)),
             "swashplate_angle_deg": float(np.rad2deg(states[:, TILT].mean())),
         }
 
