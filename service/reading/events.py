@@ -1,6 +1,6 @@
 """What happened in a pump's life beside its records, as marks for its trends."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from detectors.words.states import State
 from service.alarms.reading import state_of
 from service.history.knowledge import entries
-from service.reading.trend import SeenRecord
+from service.reading.pump_history import PumpHistory
 from service.storage.tables import Alarm, Finding, Installation, MaintenanceEvent, Pump, ThresholdVersion
 
 EXCHANGE, MAINTENANCE, FINDING, ALARM, BASELINE, THRESHOLDS = (
@@ -30,7 +30,7 @@ class PumpEvent:
 
 
 def events_of(
-    session: Session, pump: Pump, seen: Sequence[SeenRecord], since: datetime | None, until: datetime | None
+    session: Session, pump: Pump, seen: PumpHistory, since: datetime | None, until: datetime | None
 ) -> list[PumpEvent]:
     """Events of a pump from ``since`` on and before ``until``, in order.
 
@@ -42,16 +42,19 @@ def events_of(
     return sorted(inside, key=lambda e: (e.at, e.kind, e.what))
 
 
-def _of_records(seen: Sequence[SeenRecord]) -> list[PumpEvent]:
+def _of_records(seen: PumpHistory) -> list[PumpEvent]:
     found = []
-    for before, after in pairwise(seen):
-        if (before.aircraft, before.position) != (after.aircraft, after.position):
-            found.append(PumpEvent(after.at, EXCHANGE, f"now in {after.aircraft} {after.position}"))
-        learnt = [record.state == State.INSUFFICIENT_DATA for record in (before, after)]
+    places = pairwise(zip(seen.aircraft, seen.position, seen.state, strict=True))
+    for i, (before, after) in enumerate(places, 1):
+        if before == after:
+            continue
+        if before[:2] != after[:2]:
+            found.append(PumpEvent(seen.instant(i), EXCHANGE, f"now in {after[0]} {after[1]}"))
+        learnt = [state == State.INSUFFICIENT_DATA for state in (before[2], after[2])]
         if learnt == [True, False]:
-            found.append(PumpEvent(after.at, BASELINE, "complete"))
+            found.append(PumpEvent(seen.instant(i), BASELINE, "complete"))
         elif learnt == [False, True]:
-            found.append(PumpEvent(after.at, BASELINE, "begins anew"))
+            found.append(PumpEvent(seen.instant(i), BASELINE, "begins anew"))
     return found
 
 

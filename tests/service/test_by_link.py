@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from sqlalchemy import update
+from sqlalchemy import select, update
 
 from service.reading import fleet_trend, forecast, standing
 from service.reading.by_link import ByLink
-from service.storage.tables import StoredAssessment
+from service.storage.tables import Pump, StoredAssessment
 from service.web.dashboard import fleet as fleet_page
 from tests.detectors.fleet import history
 from tests.service.guarded import guarded_client, key
@@ -109,8 +109,9 @@ def test_no_more_is_kept_than_was_asked(guarded: TestClient) -> None:
         return {i: f"of {i}" for i in pump_ids}
 
     with guarded.app.state.context.database.reading() as session:  # type: ignore[attr-defined]
+        pumps = list(session.scalars(select(Pump).order_by(Pump.id)))
         for what in ("a", "a", "b", "a"):
-            assert kept.of(session, [1, 2, 3, 99], values, what) == {1: "of 1", 2: "of 2", 3: "of 3"}
+            assert kept.of(session, pumps, values, what) == {1: "of 1", 2: "of 2", 3: "of 3"}
     # the third pump has no link and is read every time; a second question pushed the first out
     assert read.count(3) == 4
     assert (read.count(1), read.count(2)) == (3, 3)

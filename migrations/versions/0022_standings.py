@@ -1,0 +1,25 @@
+"""How a pump stands by its newest record, kept beside it; verdicts are found by the aircraft they were made in."""
+
+import sqlalchemy as sa
+from alembic import op
+from sqlalchemy.dialects.postgresql import JSONB
+
+revision = "0022"
+down_revision = "0021"
+branch_labels = None
+depends_on = None
+
+
+def upgrade() -> None:
+    """Add the columns, empty: the next fold of a pump fills them, or the housekeeping after the start."""
+    op.add_column("pumps", sa.Column("standing", sa.JSON().with_variant(JSONB(), "postgresql"), nullable=True))
+    op.add_column("pumps", sa.Column("standing_at", sa.Integer(), nullable=True))
+    op.create_index("ix_assessments_aircraft_at", "assessments", ["aircraft", "at"])
+
+
+def downgrade() -> None:
+    """Drop them."""
+    op.drop_index("ix_assessments_aircraft_at", "assessments")
+    with op.batch_alter_table("pumps") as pumps:
+        pumps.drop_column("standing_at")
+        pumps.drop_column("standing")
