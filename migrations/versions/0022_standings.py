@@ -20,6 +20,5 @@ def upgrade() -> None:
 def downgrade() -> None:
     """Drop them."""
     op.drop_index("ix_assessments_aircraft_at", "assessments")
-    with op.batch_alter_table("pumps") as pumps:
-        pumps.drop_column("standing_at")
-        pumps.drop_column("standing")
+    op.drop_column("pumps", "standing_at")
+    op.drop_column("pumps", "standing")

@@ -1,9 +1,10 @@
 """What happened in a pump's life beside its records, as marks for its trends."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
+from typing import NamedTuple
 
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
@@ -29,15 +30,37 @@ class PumpEvent:
     note: str = ""
 
 
+class Entered(NamedTuple):
+    """What people have entered about a pump and counts now, in the order in which they did."""
+
+    installations: Sequence[Installation]
+    maintenance: Sequence[MaintenanceEvent]
+    findings: Sequence[Finding]
+
+
+def entered_of(session: Session, pump_id: int) -> Entered:
+    """What counts of a pump's entries."""
+    return Entered(
+        entries(session, Installation, pump_id),
+        entries(session, MaintenanceEvent, pump_id),
+        entries(session, Finding, pump_id),
+    )
+
+
 def events_of(
-    session: Session, pump: Pump, seen: PumpHistory, since: datetime | None, until: datetime | None
+    session: Session,
+    pump: Pump,
+    entered: Entered,
+    seen: PumpHistory,
+    since: datetime | None,
+    until: datetime | None,
 ) -> list[PumpEvent]:
     """Events of a pump from ``since`` on and before ``until``, in order.
 
     ``seen`` are its records of that time: changes of place and of the baseline are read from them. Thresholds count
     when they were published, everything else in event time.
     """
-    found = [*_of_records(seen), *_entered(session, pump), *_alarms(session, pump), *_thresholds(session, pump)]
+    found = [*_of_records(seen), *_entered(entered), *_alarms(session, pump), *_thresholds(session, pump)]
     inside = [e for e in found if (since is None or e.at >= since) and (until is None or e.at < until)]
     return sorted(inside, key=lambda e: (e.at, e.kind, e.what))
 
@@ -58,10 +81,10 @@ def _of_records(seen: PumpHistory) -> list[PumpEvent]:
     return found
 
 
-def _entered(session: Session, pump: Pump) -> list[PumpEvent]:
-    found = [PumpEvent(e.at, MAINTENANCE, e.action, e.note) for e in entries(session, MaintenanceEvent, pump.id)]
-    found += [PumpEvent(f.at, FINDING, f.found, f.note) for f in entries(session, Finding, pump.id)]
-    for place in entries(session, Installation, pump.id):
+def _entered(entered: Entered) -> list[PumpEvent]:
+    found = [PumpEvent(e.at, MAINTENANCE, e.action, e.note) for e in entered.maintenance]
+    found += [PumpEvent(f.at, FINDING, f.found, f.note) for f in entered.findings]
+    for place in entered.installations:
         where = f"{place.aircraft} {place.position}"
         found.append(PumpEvent(place.installed_at, EXCHANGE, f"installed in {where}"))
         if place.removed_at is not None:

@@ -31,6 +31,8 @@ AGE_BAND_H = 500
 """Flight hours of a pump that one group of the same age holds."""
 _ROWS_AT_ONCE = 2000
 """Rows that a stream fetches at once (our choice)."""
+_PUMPS_AT_ONCE = 200
+"""Pumps of one statement: histories that nobody has asked for yet may take longer than a statement may (our choice)."""
 _PER_PUMP = 120
 """Points of one pump that a trend over whole histories is made of: a fleet's trend shows fewer of each (our choice)."""
 _MOST = 12_000
@@ -109,8 +111,11 @@ def _remembered(session: Session, pumps: Sequence[Listed], metric: str) -> dict[
     """Thinned points of pumps over their whole history, read where no earlier question has."""
 
     def read(pump_ids: list[int]) -> dict[int, _PumpTrend]:
-        query = _points(metric).where(among(StoredAssessment.pump_id, pump_ids))
-        return {i: _thinned(trend) for i, trend in _read(session, query)}
+        found: dict[int, _PumpTrend] = {}
+        for start in range(0, len(pump_ids), _PUMPS_AT_ONCE):
+            query = _points(metric).where(among(StoredAssessment.pump_id, pump_ids[start : start + _PUMPS_AT_ONCE]))
+            found |= {i: _thinned(trend) for i, trend in _read(session, query)}
+        return found
 
     return _kept.of(session, pumps, read, metric)
 

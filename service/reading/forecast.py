@@ -100,13 +100,12 @@ def forecast_of(session: Session, pump: Pump) -> Forecasted:
 
 
 def forecast_and_crossing(
-    session: Session, pump: Pump, verdict: Verdict, thresholds: Mapping[str, float]
+    session: Session, pump: Pump, verdict: Verdict, thresholds: Mapping[str, float], entered: Sequence[datetime]
 ) -> tuple[Forecasted, Verdict]:
     """What ``forecast_of`` and ``with_crossing`` give now, from one reading of the pump's records for each state of them.
 
-    ``thresholds`` are those of the pump now.
+    ``thresholds`` are those of the pump now, ``entered`` the instants at which entries say that it changed its place.
     """
-    entered = changes(installation_intervals(session, pump.id))
     limit, interval = thresholds["case_flow_limit_lpm"], thresholds["inspection_interval_h"]
 
     def read(pump_ids: list[int]) -> dict[int, tuple[Forecasted, Crossing | None]]:

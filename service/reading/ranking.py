@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import select
@@ -18,9 +19,14 @@ from service.storage.tables import Alarm, Pump
 from service.thresholds.layers import thresholds_of_many
 
 
+@cache
+def _urgency(word: str) -> int:
+    return row_of(word).urgency
+
+
 def by_state(pump: answers.Pump) -> tuple[Any, ...]:
     """Sorting key of a pump as the API shows it, by its state alone."""
-    return row_of(pump["state"]).urgency, -pump["confidence"], pump["operator"], pump["serial"]
+    return _urgency(pump["state"]), -pump["confidence"], pump["operator"], pump["serial"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,17 +25,21 @@ class _Among(FunctionElement[bool]):
     inherit_cache = True
     type = Boolean()
 
+    def self_group(self, against: Any = None) -> Any:
+        """The condition as it is: SQLite would not use an index for one that is compared with 1."""
+        return self
+
 
 @compiles(_Among)
 def _in_json(element: _Among, compiler: SQLCompiler, **options: Any) -> str:
     column, numbers = (compiler.process(part, **options) for part in element.clauses)
-    return f"{column} IN (SELECT value FROM json_each({numbers}))"  # noqa: S608 - compiled parts
+    return f"({column} IN (SELECT value FROM json_each({numbers})))"  # noqa: S608 - compiled parts
 
 
 @compiles(_Among, "postgresql")
 def _in_array(element: _Among, compiler: SQLCompiler, **options: Any) -> str:
     column, numbers = (compiler.process(part, **options) for part in element.clauses)
-    return f"{column} = ANY({numbers})"
+    return f"({column} = ANY({numbers}))"
 
 
 def among(column: Any, numbers: Collection[int]) -> ColumnElement[bool]:

@@ -1,5 +1,6 @@
 """What is kept of a fleet is what would be read anew: after any change of any history, in this process or another one."""
 
+from collections import OrderedDict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -8,10 +9,11 @@ import pytest
 from fastapi.testclient import TestClient
 from sqlalchemy import select, update
 
-from service.reading import fleet_trend, forecast, standing
+from service.reading import fleet_trend, forecast, pump_history, standing
 from service.reading.by_link import ByLink
 from service.storage.tables import Pump, StoredAssessment
 from service.web.dashboard import fleet as fleet_page
+from service.web.dashboard import pages, trends
 from tests.detectors.fleet import history
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
@@ -20,7 +22,10 @@ from tests.service.test_page_forms import come_in
 from tests.service.test_statements import statements
 
 API = "/api/v1"
-KEPT = ((standing, "_kept"), (fleet_trend, "_kept"), (forecast, "_kept"), (fleet_page, "_kept_flows"))
+KEPT = (
+    *((standing, "_kept"), (fleet_trend, "_kept"), (forecast, "_kept"), (fleet_page, "_kept_flows")),
+    *((pages, "_kept_changes"), (trends, "_kept_newest")),
+)
 CALLS = (
     "/fleet/ranking",
     "/fleet/summary",
@@ -29,6 +34,8 @@ CALLS = (
     "/fleet/trend?metric=case_residual_bar&group_by=age",
     "/pumps",
 )
+PARTS = (("forecast", "curve"), ("trends", "alarms"))
+"""Stretches of a pump's page."""
 
 
 @pytest.fixture
@@ -47,9 +54,11 @@ def answers(client: TestClient, who: dict[str, str], monkeypatch: pytest.MonkeyP
         if anew:
             for module, name in KEPT:
                 patched.setattr(module, name, ByLink(10))
+            patched.setattr(pump_history, "_kept", OrderedDict())
         found = [client.get(API + call, headers=who).json() for call in CALLS]
-        page = client.get("/pumps/P-1").text
-    return [*found, page[page.index('id="forecast"') : page.index('id="curve"')], client.get("/").text.count("<tr>")]
+        page = client.get("/pumps/P-1?compare=both&range=all").text
+    shown = [page[page.index(f'id="{first}"') : page.index(f'id="{end}"')] for first, end in PARTS]
+    return [*found, *shown, client.get("/").text.count("<tr>")]
 
 
 @pytest.mark.study

@@ -14,16 +14,18 @@ from service.alarms import reading
 from service.answers.alarms import Alarm
 from service.context import Context
 from service.errors import NotFound
-from service.history.knowledge import entries
+from service.history.knowledge import intervals_of
+from service.history.placement import changes
 from service.reading import queries
 from service.reading.by_link import ByLink
+from service.reading.events import entered_of
 from service.reading.fleet import pump_documents
 from service.reading.forecast import forecast_and_crossing
 from service.reading.pump_history import Change, changes_of
 from service.registry import findings, maintenance
 from service.reports.remarks import remarks
 from service.reports.words import ACTION_WORDS, WORDS
-from service.storage.tables import Finding, MaintenanceEvent, Pump
+from service.storage.tables import Pump
 from service.thresholds.layers import thresholds_of
 from service.web.dashboard.frame import PageRoute, html_page, local
 from service.web.dashboard.links import address, api_address
@@ -62,7 +64,9 @@ def _pump_body(request: Request, context: Context, look: Look, serial: str, oper
         if document["records"] == 0:
             raise NotFound(f"pump {serial} has no analysed record yet")
         thresholds = thresholds_of(session, row.operator, row.serial, row.pump_type).values
-        forecast, verdict = forecast_and_crossing(session, row, queries.verdict(session, row), thresholds)
+        entered = entered_of(session, row.id)
+        moved = changes(intervals_of(entered.installations))
+        forecast, verdict = forecast_and_crossing(session, row, queries.verdict(session, row), thresholds, moved)
         values = {
             "request": request,
             "pump": document,
@@ -71,15 +75,11 @@ def _pump_body(request: Request, context: Context, look: Look, serial: str, oper
             "changes": _changes(session, row),
             "curve": address("pumps", row.serial, "curve.svg", query={"operator": row.operator}),
             "forecast": forecast,
-            "trends": trends_of_page(session, asker, row, look, thresholds),
+            "trends": trends_of_page(session, asker, row, look, thresholds, entered),
             "alarms": _alarms(session, asker, row),
-            "findings": [
-                findings.document(f)
-                for f in sorted(entries(session, Finding, row.id), key=lambda f: f.at, reverse=True)
-            ],
+            "findings": [findings.document(f) for f in sorted(entered.findings, key=lambda f: f.at, reverse=True)],
             "maintenance": [
-                maintenance.document(e)
-                for e in sorted(entries(session, MaintenanceEvent, row.id), key=lambda e: e.at, reverse=True)
+                maintenance.document(e) for e in sorted(entered.maintenance, key=lambda e: e.at, reverse=True)
             ],
             **_actions(asker, row, thresholds),
             "causes": CAUSES,

@@ -16,7 +16,7 @@ from service.access.security import EVERYBODY, Principal
 from service.errors import Fault, Invalid
 from service.reading import queries
 from service.reading.by_link import ByLink
-from service.reading.events import PumpEvent, events_of
+from service.reading.events import Entered, PumpEvent, events_of
 from service.reading.pump_history import SHOWN, PumpHistory, history_of
 from service.reading.trend import METRICS, ZERO, kept_places, newest_values
 from service.reports.trend_chart import LETTERS, Series, TrendChart, chart_svg
@@ -84,9 +84,9 @@ class _Ends:
 
 
 def trends_of_page(
-    session: Session, asker: Principal, row: Pump, look: Look, thresholds: Mapping[str, float]
+    session: Session, asker: Principal, row: Pump, look: Look, thresholds: Mapping[str, float], entered: Entered
 ) -> dict[str, Any]:
-    """Everything that the section of trends shows; ``thresholds`` are those of the pump now.
+    """Everything that the section of trends shows; ``thresholds`` and ``entered`` are those of the pump now.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def trends_of_page(
     seen = whole.between(ends.since, ends.until)
     if look.in_hours:
         seen = seen.taken(_with_hours(seen, ends))
-    events = events_of(session, row, seen, *_inside(seen, ends))
+    events = events_of(session, row, entered, seen, *_inside(seen, ends))
     axis = _Axis(look.in_hours, seen)
     sibling = _sibling(session, row, whole, seen) if look.compare in ("", "sibling", "both") else []
     bands = _bands(session, asker, row) if look.compare in ("fleet", "both") else {}
