@@ -44,8 +44,8 @@ class ByLink(Generic[Held]):
         keys = keys_of(session, pumps, what)
         with self._lock:
             held = {i: self._kept[key] for i, key in keys.items() if key is not None and key in self._kept}
-            for key in filter(None, (keys[i] for i in held)):
-                self._kept.move_to_end(key)
+            for known in filter(None, (keys[i] for i in held)):
+                self._kept.move_to_end(known)
         found = {i: value for i, value in held.items() if value is not None}
         unknown = [i for i in keys if i not in held]
         if unknown:

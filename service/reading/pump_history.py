@@ -205,11 +205,14 @@ def _read(session: Session, query: Select[*tuple[Any, ...]]) -> PumpHistory:
             value = estimated(metric, zero if metric == ZERO else trend.get(metric))
             if value is not None:
                 values[i] = value
+    aircraft, position, state = ([words.setdefault(row[k], row[k]) for row in rows] for k in (3, 4, 5))
     return PumpHistory(
         np.array([row[0].timestamp() for row in rows]),
         np.array([np.nan if row[1] is None else row[1] for row in rows], float),
         numbers,
         [row[2] for row in rows],
-        *([words.setdefault(row[k], row[k]) for row in rows] for k in (3, 4, 5)),
+        aircraft,
+        position,
+        state,
         rows[-1][6] if rows else None,
     )

@@ -177,7 +177,7 @@ def listed(session: Session, principal: Principal, *conditions: ColumnElement[bo
     """Every pump that a principal may see and for which conditions hold, by operator and serial number."""
     held = (Pump.id, Pump.operator, Pump.serial, Pump.pump_type, Pump.confirmed, Pump.created_at, Pump.revision)
     rows = session.execute(pumps(principal).where(*conditions).with_only_columns(*held, Pump.standing_at))
-    return [Listed(*row) for row in rows]
+    return [Listed._make(row) for row in rows]
 
 
 def pumps(principal: Principal, after: Sequence[Any] | None = None, wanted: WantedPumps = _ALL_PUMPS) -> Select[Pump]:
