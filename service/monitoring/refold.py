@@ -78,6 +78,7 @@ def refold(
     pump.pump_type = made.found.kind
     take_over(pump, whole=True)
     pump.standing, pump.standing_at = _kept_standing(made), pump.revision
+    pump.standing_link = made.links[-1] if made.links else None
     kept(session, pump, made, archive, cause)
 
 
@@ -182,6 +183,7 @@ def claimed(session: Session, known: Dossier, made: Folded, *conditions: ColumnE
         "made_with": made_with() if made.is_whole else None,
         "standing": _kept_standing(made),
         "standing_at": Pump.revision + 1 if made.is_whole else None,
+        "standing_link": made.links[-1] if made.links else None,
     }
     if made.alone_at:
         conditions = (*conditions, nobody_else_at(pump, made.alone_at))

@@ -1,8 +1,8 @@
 """What follows from a pump's history alone, read once for every state of that history and kept in this process.
 
-A pump's row says how often it was changed (``Pump.revision``): where the fold has kept its standing by that number, whoever
-asks has the row already, and nothing more is asked. Elsewhere an assessment's link in the chain of all that it was folded
-from (``service.monitoring.chain``) tells one state from another: whatever changes a history changes its last link.
+An assessment carries its link in the chain of all that it was folded from (``service.monitoring.chain``). Whatever changes a
+history changes its last link, in this process or in another one. The fold keeps that link in the pump's row, with the revision
+that it was kept at: whoever asks has the row already, and nothing more is asked of the database where that still holds.
 """
 
 from collections import OrderedDict
@@ -18,7 +18,7 @@ from service.reading.queries import Listed
 from service.storage.tables import Pump, StoredAssessment
 
 Held = TypeVar("Held")
-Key = tuple[str, str, int, object, object]
+Key = tuple[str, str, int, str]
 
 
 class ByLink(Generic[Held]):
@@ -39,7 +39,7 @@ class ByLink(Generic[Held]):
         """Value of each pump that has one; ``read`` gives those of pumps that are not known as they are now.
 
         ``what`` tells questions apart that are kept together, such as metrics. A pump whose newest assessment has no link
-        is read every time, and so is every pump within a transaction that may yet be undone.
+        is read every time.
         """
         keys = keys_of(session, pumps, what)
         with self._lock:
@@ -60,25 +60,21 @@ class ByLink(Generic[Held]):
 
 def keys_of(session: Session, pumps: Sequence[Pump | Listed], what: str = "") -> dict[int, Key | None]:
     """What names the state of each pump's history: pumps without a record may be missing, None is to be read every time."""
-    bind = session.get_bind()
-    if bind.get_execution_options().get("writes"):
-        return dict.fromkeys((pump.id for pump in pumps), None)
-    place = str(bind.engine.url)
+    place = str(session.get_bind().engine.url)
     keys: dict[int, Key | None] = {
-        # the number of a pump that was deleted may be given again
-        pump.id: (place, what, pump.id, pump.created_at, pump.revision)
+        pump.id: None if pump.standing_link is None else (place, what, pump.id, pump.standing_link)
         for pump in pumps
         if pump.standing_at == pump.revision
     }
     others = [pump.id for pump in pumps if pump.id not in keys]
     if others:
-        for pump_id, record_id, chain in _links(session, others):
-            keys[pump_id] = None if chain is None else (place, what, pump_id, record_id, chain)
+        for pump_id, chain in links(session, others).items():
+            keys[pump_id] = None if chain is None else (place, what, pump_id, chain)
     return keys
 
 
-def _links(session: Session, pump_ids: Sequence[int]) -> list[tuple[int, str, str | None]]:
-    """Pump, record and link of the newest assessment of each pump that has one."""
+def links(session: Session, pump_ids: Sequence[int]) -> dict[int, str | None]:
+    """Link of the newest assessment of each pump that has one, as it is stored there."""
     kept = StoredAssessment
-    query = select(kept.pump_id, kept.record_id, kept.chain).where(kept.record_id.in_(queries.newest_records(pump_ids)))
-    return [(pump_id, record_id, chain) for pump_id, record_id, chain in session.execute(query)]
+    query = select(kept.pump_id, kept.chain).where(kept.record_id.in_(queries.newest_records(pump_ids)))
+    return {row[0]: row[1] for row in session.execute(query)}

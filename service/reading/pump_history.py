@@ -127,7 +127,7 @@ class PumpHistory:
         )
 
 
-_kept: OrderedDict[tuple[str, int, datetime], tuple[Key, PumpHistory]] = OrderedDict()
+_kept: OrderedDict[tuple[str, int], tuple[Key, PumpHistory]] = OrderedDict()
 _lock = Lock()
 
 
@@ -136,7 +136,7 @@ def history_of(session: Session, pump: Pump | Listed) -> PumpHistory:
     key = keys_of(session, [pump]).get(pump.id)
     if key is None:
         return _read(session, _query(pump.id))
-    place = (key[0], pump.id, pump.created_at)
+    place = (key[0], pump.id)
     with _lock:
         then, held = _kept.get(place, (None, None))
         if held is not None:

@@ -168,15 +168,17 @@ class Listed(NamedTuple):
     serial: str
     pump_type: str
     confirmed: bool
-    created_at: datetime
     revision: int
     standing_at: int | None
+    standing_link: str | None
 
 
 def listed(session: Session, principal: Principal, *conditions: ColumnElement[bool]) -> list[Listed]:
     """Every pump that a principal may see and for which conditions hold, by operator and serial number."""
-    held = (Pump.id, Pump.operator, Pump.serial, Pump.pump_type, Pump.confirmed, Pump.created_at, Pump.revision)
-    rows = session.execute(pumps(principal).where(*conditions).with_only_columns(*held, Pump.standing_at))
+    held = (Pump.id, Pump.operator, Pump.serial, Pump.pump_type, Pump.confirmed, Pump.revision)
+    rows = session.execute(
+        pumps(principal).where(*conditions).with_only_columns(*held, Pump.standing_at, Pump.standing_link)
+    )
     return [Listed._make(row) for row in rows]
 
 

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from service.answers.verdicts import Verdict
 from service.answers.words import instant
 from service.reading import queries
-from service.reading.by_link import ByLink
+from service.reading.by_link import ByLink, links
 from service.reading.queries import Listed
 from service.reading.silence import NEWEST_RECORDS, newest_starts, patience
 from service.storage.among import among
@@ -122,10 +122,10 @@ def keep_standings(database: Database, ours: Any) -> int:
             wanted = due.where(among(Pump.id, pump_ids[start : start + _AT_ONCE]))
             locked = select(Pump).where(Pump.id.in_(wanted.order_by(None))).order_by(Pump.id).with_for_update()
             rows = list(session.scalars(locked))
-            found = _worked_out(session, [row.id for row in rows])
+            found, last = _worked_out(session, [row.id for row in rows]), links(session, [row.id for row in rows])
             for row in rows:
                 row.standing = found[row.id].to_json() if row.id in found else None
-                row.standing_at = row.revision
+                row.standing_at, row.standing_link = row.revision, last.get(row.id)
     return len(pump_ids)
 
 

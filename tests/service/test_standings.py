@@ -146,6 +146,7 @@ def test_a_fleet_costs_few_statements_of_few_values(guarded: TestClient) -> None
     with guarded.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
         for k in range(6):
             write_history(session, "hhp", serial=f"Q-{k}")
+        session.execute(update(StoredAssessment).where(StoredAssessment.chain.is_(None)).values(chain="link"))
     standing.keep_standings(guarded.app.state.context.database, is_ours())  # type: ignore[attr-defined]
     for call, most in zip(calls, (8, 5, 4, 6), strict=True):
         guarded.get(API + call, headers=who)
