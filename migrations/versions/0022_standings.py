@@ -15,12 +15,12 @@ def upgrade() -> None:
     op.add_column("pumps", sa.Column("standing", sa.JSON().with_variant(JSONB(), "postgresql"), nullable=True))
     op.add_column("pumps", sa.Column("standing_at", sa.Integer(), nullable=True))
     op.add_column("pumps", sa.Column("standing_link", sa.String(), nullable=True))
-    op.create_index("ix_assessments_aircraft_at", "assessments", ["aircraft", "at"])
+    op.create_index("ix_assessments_aircraft_pump_id_at", "assessments", ["aircraft", "pump_id", "at"])
 
 
 def downgrade() -> None:
     """Drop them."""
-    op.drop_index("ix_assessments_aircraft_at", "assessments")
+    op.drop_index("ix_assessments_aircraft_pump_id_at", "assessments")
     op.drop_column("pumps", "standing_link")
     op.drop_column("pumps", "standing_at")
     op.drop_column("pumps", "standing")

@@ -232,9 +232,10 @@ def _sibling(session: Session, row: Pump, whole: PumpHistory, seen: PumpHistory)
         return []
     kept, aircraft, position = StoredAssessment, whole.aircraft[-1], whole.position[-1]
     since, until = seen.instant(0), seen.instant(-1) + timedelta(seconds=1)
-    there = select(kept.pump_id).where(kept.aircraft == aircraft, kept.at >= since, kept.at < until)
-    there = there.where(kept.position != position)
-    others = queries.listed(session, EVERYBODY, Pump.id.in_(there), Pump.id != row.id, *_alike(row))
+    # pump by pump, the first that is found: an aircraft's records grow with its life
+    there = select(kept.pump_id).where(kept.aircraft == aircraft, kept.pump_id == Pump.id, kept.position != position)
+    there = there.where(kept.at >= since, kept.at < until).limit(1).correlate(Pump)
+    others = queries.listed(session, EVERYBODY, there.scalar_subquery().is_not(None), Pump.id != row.id, *_alike(row))
     found = []
     for other in others:
         part = history_of(session, other).between(since, until)
