@@ -161,6 +161,19 @@ def test_a_fleet_costs_few_statements_of_few_values(guarded: TestClient) -> None
     assert len(asked) == 1
 
 
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+def test_the_page_of_a_pump_costs_few_statements(guarded: TestClient) -> None:
+    who = key(guarded, "viewer", "north")
+    for query, most in (("", 14), ("?range=all", 14), ("?compare=both", 15)):
+        assert guarded.get(f"/pumps/P-1{query}", headers=who).status_code == 200
+        with statements() as asked:
+            assert guarded.get(f"/pumps/P-1{query}", headers=who).status_code == 200
+        # looking up the key is among them
+        assert len(asked) <= most, asked
+        # the newest verdict is read, and no history
+        assert sum("assessments.trend" in text for text in asked) <= 1, asked
+
+
 def test_a_number_is_among_many_others(guarded: TestClient) -> None:
     with guarded.app.state.context.database.writing() as session:  # type: ignore[attr-defined]
         (first, *_), *_ = session.execute(select(Pump.id))
