@@ -13,6 +13,7 @@ from service.answers import pumps as answers
 from service.reading.standing import Standing
 from service.storage.tables import Alarm, Pump
 from service.thresholds.layers import thresholds_of_many
+from service.units import METRIC, UnitSystem
 
 
 def by_state(pump: answers.Pump) -> tuple[Any, ...]:
@@ -21,9 +22,13 @@ def by_state(pump: answers.Pump) -> tuple[Any, ...]:
 
 
 def ranked(
-    session: Session, rows: Sequence[Pump], shown: Sequence[answers.Pump], standing: Mapping[int, Standing]
+    session: Session,
+    rows: Sequence[Pump],
+    shown: Sequence[answers.Pump],
+    standing: Mapping[int, Standing],
+    system: UnitSystem = METRIC,
 ) -> list[answers.RankedPump]:
-    """Pumps as the API shows them with rank, urgency and reasons, the most urgent first.
+    """Pumps as the API shows them with rank, urgency and reasons, the most urgent first; reasons in the reader's units.
 
     An open alarm's priority decides first, then whether somebody has dealt with it, then the state.
     """
@@ -34,7 +39,7 @@ def ranked(
         alarm = alarms.get(row.id)
         limit = thresholds[row.id].values["case_flow_limit_lpm"]
         urgency = alarm.priority if alarm is not None else "none"
-        reasons = _reasons(pump, standing.get(row.id), alarm, limit)
+        reasons = _reasons(pump, standing.get(row.id), alarm, limit, system)
         items.append((_place(alarm, pump), pump, urgency, reasons))
     items.sort(key=lambda item: item[0])
     return [
@@ -77,7 +82,9 @@ def _place(alarm: _OpenAlarm | None, pump: answers.Pump) -> tuple[Any, ...]:
     return (cleared, -priority, dealt_with, *by_state(pump))
 
 
-def _reasons(pump: answers.Pump, standing: Standing | None, alarm: _OpenAlarm | None, limit: float) -> list[str]:
+def _reasons(
+    pump: answers.Pump, standing: Standing | None, alarm: _OpenAlarm | None, limit: float, system: UnitSystem
+) -> list[str]:
     reasons = []
     words = str(pump["state"]).replace("_", " ")
     if pump["state"] == "indeterminate":
@@ -89,14 +96,16 @@ def _reasons(pump: answers.Pump, standing: Standing | None, alarm: _OpenAlarm | 
     flow = standing.case_flow if standing else None
     if flow and flow["mean"] is not None and flow["mean"] > limit:
         reasons.append(
-            f"case flow at the reference condition is {flow['mean']:.2f} L/min "
-            f"({flow['low']:.2f} to {flow['high']:.2f}), the limit is {limit:g}"
+            f"case flow at the reference condition is {system.said(flow['mean'], 'L/min', 2)} "
+            f"({system.figure(flow['low'], 'L/min', 2)} to {system.figure(flow['high'], 'L/min', 2)}), "
+            f"the limit is {system.plain(limit, 'L/min')}"
         )
     rule = standing.case_pressure if standing else None
     if rule is not None and rule["beyond"]:
         reasons.append(
-            f"case over reservoir pressure is {rule['over_reservoir_bar']:.2f} bar, its reference {rule['reference_bar']:.2f}, "
-            f"the limit {rule['limit_bar']:g}: whatever the cause"
+            f"case over reservoir pressure is {system.said(rule['over_reservoir_bar'], 'bar', 2)}, "
+            f"its reference {system.figure(rule['reference_bar'], 'bar', 2)}, "
+            f"the limit {system.plain(rule['limit_bar'], 'bar')}: whatever the cause"
         )
     if alarm is not None:
         state = f"{alarm.condition}, {'acknowledged' if alarm.acknowledged else 'not acknowledged'}"

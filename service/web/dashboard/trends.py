@@ -21,6 +21,7 @@ from service.reports.trend_chart import LETTERS, Series, TrendChart, chart_svg
 from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, WORDS
 from service.storage.tables import Pump, StoredAssessment
 from service.thresholds.layers import thresholds_of
+from service.units import UnitSystem
 from service.web.dashboard.forms import instant_of
 from service.web.dashboard.links import address, api_address
 
@@ -90,8 +91,8 @@ class _Ends:
     high_h: float | None = None
 
 
-def trends_of_page(session: Session, asker: Principal, row: Pump, look: Look) -> dict[str, Any]:
-    """Everything that the section of trends shows.
+def trends_of_page(session: Session, asker: Principal, row: Pump, look: Look, system: UnitSystem) -> dict[str, Any]:
+    """Everything that the section of trends shows, in the reader's units where it is drawn.
 
     Raises
     ------
@@ -116,7 +117,7 @@ def trends_of_page(session: Session, asker: Principal, row: Pump, look: Look) ->
             continue
         chart = TrendChart(
             title=_NAMES.get(metric) or metric.rsplit("_", 1)[0].replace("_", " "),
-            unit=METRICS[metric],
+            unit=system.word(METRICS[metric]),
             own=axis.series(thinned(items, _POINTS)),
             start=start,
             end=end,
@@ -125,6 +126,7 @@ def trends_of_page(session: Session, asker: Principal, row: Pump, look: Look) ->
             sibling=axis.series(thinned([p for r in sibling if (p := r.point(metric)) is not None], _POINTS), False),
             band=bands.get(metric),
             events=marked,
+            scale=system.scale(METRICS[metric]),
         )
         charts.append(_shown(row, metric, chart, items))
     return {
@@ -256,7 +258,7 @@ def _shown(row: Pump, metric: str, chart: TrendChart, items: Sequence[TrendPoint
     return {
         "metric": metric,
         "title": chart.title,
-        "unit": chart.unit,
+        "unit": METRICS[metric],
         "svg": Markup(chart_svg(chart)),  # noqa: S704 - made by us
         "items": items[::-1][:_ROWS],
         "more": max(len(items) - _ROWS, 0),
