@@ -19,6 +19,8 @@ _REGISTERED: Mapping[str, str] = {"bar": "bar", "L/min": "liter / minute", "degC
 _OWN_WORDS: Mapping[str, str] = {"degC": "°C"}
 _LONGEST_NUMBER = 60
 _MOST_DIGITS = 40
+_WRITTEN_OUT = 15
+"""Powers of ten up to which a number is written without an exponent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +71,10 @@ class UnitSystem:
 
     def plain(self, value: float, unit: str) -> str:
         """A quantity as a number of as few digits as it needs, four at most where it is converted."""
-        return f"{self.value(value, unit):.4g}" if self.converts(unit) else f"{value:g}"
+        shown = self.value(value, unit)
+        if not self.converts(unit):
+            return f"{value:g}"
+        return f"{shown:.4g}" if abs(shown) < 1000.0 else f"{shown:.0f}"
 
     def said(self, value: float, unit: str, digits: int | None = None) -> str:
         """A quantity with its unit, ``1.60 L/min``; without ``digits`` as ``plain`` has it."""
@@ -85,7 +90,7 @@ class UnitSystem:
         for digits in range(1, _MOST_DIGITS):
             context = Context(prec=digits)
             rounded = context.divide(Decimal(exact.numerator), Decimal(exact.denominator))
-            found = f"{rounded:f}" if -_LONGEST_NUMBER < rounded.adjusted() < _LONGEST_NUMBER else f"{rounded}"
+            found = f"{rounded:f}" if -_WRITTEN_OUT < rounded.adjusted() < _WRITTEN_OUT else f"{rounded}"
             if self.stored(found, unit) == value:
                 return found
         return repr(self.value(value, unit))
@@ -102,9 +107,9 @@ class UnitSystem:
         if not self.converts(unit) or not math.isfinite(found):
             return found
         slope, intercept = self._exact(unit)
-        # an exponent of a million digits is no number that anybody types
-        is_short = len(text) <= _LONGEST_NUMBER and (found == 0.0 or 1e-60 < abs(found) < 1e60)
-        typed = Fraction(Decimal(text)) if is_short and found != 0.0 else Fraction(found)
+        # zero by an exponent of a million digits, or a text of that length, is no number that anybody types
+        is_short = found != 0.0 and len(text) <= _LONGEST_NUMBER
+        typed = Fraction(Decimal(text)) if is_short else Fraction(found)
         try:
             return float(typed * slope + intercept)
         except OverflowError:

@@ -109,7 +109,7 @@ def axes(
     for value, mark in y_scale.ticks(frame.y_low, frame.y_high, 5):
         y = frame.y(value)
         out.append(line(frame.left, y, frame.right, y, GRID))
-        out.append(text(frame.left - 8, y + 4, f"{mark:.4g}", anchor="end", colour=QUIET))
+        out.append(text(frame.left - 8, y + 4, f"{mark:g}", anchor="end", colour=QUIET))
     out.append(line(frame.left, frame.bottom, frame.right, frame.bottom, QUIET))
     out.append(line(frame.left, frame.top, frame.left, frame.bottom, QUIET))
     out.append(text((frame.left + frame.right) / 2, frame.bottom + 38, x_title, anchor="middle"))
