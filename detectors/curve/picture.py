@@ -56,8 +56,8 @@ def curve_svg(curve: Curve, title: str, scales: Scales = OWN_SCALES) -> str:
     body.append(text(frame.right, 24, f"brought to {where}", anchor="end", colour=QUIET))
     body.append(text(frame.right, 44, _legend(curve), anchor="end", colour=QUIET))
     body += _band(curve, frame)
-    titles = (f"{words} pressure [{bar.word}]" for words in ("discharge", "case minus reservoir"))
-    body += axes(frame, *titles, x_scale=bar, y_scale=bar)
+    x_title, y_title = f"discharge pressure [{bar.word}]", f"case minus reservoir pressure [{bar.word}]"
+    body += axes(frame, x_title, y_title, x_scale=bar, y_scale=bar)
     labels = Labels(Box(frame.left + 2, frame.top + 2, frame.right - 2, frame.bottom - 2))
     body += _reference(curve, frame, labels, scales)
     body += _readings(curve, frame)

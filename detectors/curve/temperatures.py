@@ -38,8 +38,8 @@ def temperature_panel(curve: Curve, place: Frame, scales: Scales) -> list[str]:
         return [text(place.left, place.top, "case pressure beyond the reference: no record yet", colour=QUIET)]
     frame = _frame(curve, place)
     bar, warmth = scales["bar"], scales["degC"]
-    titles = (f"fluid temperature [{warmth.word}]", f"case pressure beyond this pump's reference [{bar.word}]")
-    out = axes(frame, *titles, x_scale=warmth, y_scale=bar)
+    y_title = f"case pressure beyond this pump's reference [{bar.word}]"
+    out = axes(frame, f"fluid temperature [{warmth.word}]", y_title, x_scale=warmth, y_scale=bar)
     out.append(line(frame.left, frame.y(0.0), frame.right, frame.y(0.0), ACCENT, 2.0))
     offsets = _offsets(curve)
     for record in curve.excess[-_SHOWN:]:

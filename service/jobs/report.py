@@ -99,7 +99,7 @@ class Report(Kind[ReportParameters, list[int]]):
             "pumps": chapters,
         }
         told = (subject, period, said, printed, work.principal.owner, system)
-        documents = {
+        documents: dict[str, str | bytes] = {
             "html": report_html(*told),
             "pdf": report_pdf(*told),
             "json": json.dumps(jsonable_encoder(document), indent=1) + "\n",

@@ -1,6 +1,6 @@
 """The engineer's page: an operating point with health values beside the healthy pump, and what given sensors can tell."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import APIRouter, Depends, Query, Request
@@ -95,7 +95,8 @@ def engineer_page(
 ) -> Response:
     """Operating point beside the healthy pump's, two curves through it, a load step, and what sensors could see."""
     system, given_in = system_of(request), SYSTEMS.get(units, METRIC)
-    point, study, step = (_in_ours(asked, request, given_in) for asked in (point, study, step))
+    point, study = _in_ours(point, request, given_in), _in_ours(study, request, given_in)
+    step = _in_ours(step, request, given_in)
     found: dict[str, Any] = {"problem": None, "sound": None, "worn": None, "pictures": []}
     bounds: dict[str, Any] = {"problem": None, "rows": [], "remarks": []}
     stepped: dict[str, Any] = {"problem": None, "pictures": [], "rows": []}
@@ -138,8 +139,9 @@ _Asked = TypeVar("_Asked", Point, Study, Step)
 
 def _in_ours(asked: _Asked, request: Request, system: UnitSystem) -> _Asked:
     """What was asked for with every number that the address gives in our unit; what it leaves out is in ours already."""
-    given = {name: text for name, text in request.query_params.items() if name in asked.__slots__ and text}
-    found = {name: in_ours(text, name, system) for name, text in given.items()}
+    held = {f.name for f in fields(asked)}
+    given = {name: text for name, text in request.query_params.items() if name in held and text}
+    found: dict[str, Any] = {name: in_ours(text, name, system) for name, text in given.items()}
     return replace(asked, **{name: value for name, value in found.items() if isinstance(value, float)})
 
 

@@ -146,7 +146,8 @@ def _values(form: Sent) -> dict[str, float]:
 
 def _again(form: Sent, layer: tuple[str, str, str | None], shown: _Shown) -> Response:
     """The page once more with what the form holds, in the units that the reader has now."""
-    system, typed = system_of(form.request), {}
+    system = system_of(form.request)
+    typed: dict[str, str] = {}
     for name, value in form.filled().items():
         if name.startswith(_VALUE):
             same = system is form.system or not isinstance(value, float)
