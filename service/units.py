@@ -82,15 +82,25 @@ class UnitSystem:
         return number if unit == "-" else f"{number} {self.word(unit)}"
 
     def text(self, value: float, unit: str) -> str:
-        """The shortest text of a form's field that ``stored`` makes exactly ``value`` of."""
+        """The shortest text of a form's field that ``stored`` makes exactly ``value`` of.
+
+        Up to 12 decimals are tried first, then as many digits as it needs; what lies nearer to 0 degC than 1e-9 K, and is not
+        it, may need more than anybody can read, and comes as near as numbers of the machine do.
+        """
         if not self.converts(unit) or not math.isfinite(value):
             return repr(value).removesuffix(".0")
         slope, intercept = self._exact(unit)
         exact = (Fraction(value) - intercept) / slope
+        parts = Decimal(exact.numerator), Decimal(exact.denominator)
+        whole = Context(prec=_MOST_DIGITS).divide(*parts)
+        if whole.adjusted() < _WRITTEN_OUT:
+            for places in range(_WRITTEN_OUT - 3):
+                found = f"{whole:.{places}f}"
+                if self.stored(found, unit) == value:
+                    return found.removeprefix("-") if float(found) == 0.0 else found
         for digits in range(1, _MOST_DIGITS):
-            context = Context(prec=digits)
-            rounded = context.divide(Decimal(exact.numerator), Decimal(exact.denominator))
-            found = f"{rounded:f}" if -_WRITTEN_OUT < rounded.adjusted() < _WRITTEN_OUT else f"{rounded}"
+            rounded = Context(prec=digits).divide(*parts)
+            found = f"{rounded:f}" if abs(rounded.adjusted()) < _WRITTEN_OUT else f"{rounded}"
             if self.stored(found, unit) == value:
                 return found
         return repr(self.value(value, unit))
