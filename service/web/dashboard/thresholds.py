@@ -201,9 +201,8 @@ def _told(problem: Problem, keys: Sequence[ThresholdKey], system: UnitSystem) ->
         for key in keys
         if system.converts(key["unit"])
     }
-    told["errors"] = [
-        {**fault, "problem": fault["problem"] + ranges.get(fault["where"], "")} for fault in told.get("errors", [])
-    ]
+    if "errors" in told:
+        told["errors"] = [{**e, "problem": e["problem"] + ranges.get(e["where"], "")} for e in told["errors"]]
     return told
 
 
