@@ -10,6 +10,7 @@ _TENANCY, _SIGN_IN, _PLACES = (
     ("tests.service.test_registry_placement",),
 )
 _UNITS, _LANGUAGE = ("tests.service.test_units",), ("tests.service.test_mapping_language",)
+_READER = ("tests.service.test_reader_units",)
 _PAGES, _FORMS, _FLEET_PAGE, _CHANNELS = (
     ("tests.service.test_pages",),
     ("tests.service.test_alarm_pages",),
@@ -156,6 +157,17 @@ MUTANTS: tuple[Mutant, ...] = (
     Mutant("pages", "service.web.dashboard.forms", "visitor.check_form(token", "str(token", _FORMS, "many and sqlite"),
     Mutant(
         "pages", "service.web.dashboard.links", 'is_ours = wanted.startswith("/")', "is_ours = True", _PAGES, "sign"
+    ),
+    Mutant(
+        "pages",
+        "service.web.dashboard.forms",
+        "in_ours(values[0], name, system)",
+        "values[0]",
+        _READER,
+        "psi and sqlite",
+    ),
+    Mutant(
+        "pages", "service.units", "Fraction(Decimal(text)) if is_short", "Fraction(found) if is_short", _READER, "once"
     ),
     _chain("service.storage.audit_chain", "{entry_id}\\n{content_hash}", "{entry_id}"),
     _chain(

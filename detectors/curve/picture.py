@@ -8,8 +8,8 @@ import numpy as np
 
 from detectors.curve.labels import Box, Label, Labels
 from detectors.curve.points import Curve, CurvePoint, Direction, Reading
-from detectors.curve.temperatures import SHIFTED_BAR, cross, temperature_panel
-from detectors.drawing.svg import ACCENT, BAND, INK, QUIET, Frame, axes, document, line, padded, path, text
+from detectors.curve.temperatures import SHIFTED_BAR, Scales, cross, temperature_panel
+from detectors.drawing.svg import ACCENT, BAND, INK, QUIET, Frame, Scale, axes, document, line, padded, path, text
 from detectors.words.numbers import Z_90
 
 WIDTH, HEIGHT = 820, 800
@@ -34,33 +34,38 @@ _LEAST_DEMAND = 4.0
 """Up to here the curve is drawn, whatever the pump shows [L/min]."""
 MARK = "#b4552d"
 """Of the pump's own points."""
+OWN_SCALES: Scales = {"bar": Scale("bar"), "L/min": Scale("L/min"), "degC": Scale("°C")}
+"""Numbers as everything here holds them."""
 
 
-def curve_svg(curve: Curve, title: str) -> str:
+def curve_svg(curve: Curve, title: str, scales: Scales = OWN_SCALES) -> str:
     """Draw this pump's reference with its band, the pump's points in time order, and the fault directions.
 
-    ``title`` names the pump. Older points are pale, the newest is filled, with its 90 % ellipse. The second panel shows
-    the case pressure beyond the reference over fluid temperature, with the laws that could explain it.
+    ``title`` names the pump; ``scales`` say by our unit how numbers are written. Older points are pale, the newest is filled,
+    with its 90 % ellipse. The second panel shows the case pressure beyond the reference over fluid temperature, with the laws
+    that could explain it.
     """
     frame = _frame(curve)
     conditions = curve.conditions
+    bar, warmth = scales["bar"], scales["degC"]
     where = (
-        f"{conditions['speed_rpm']:.0f} rpm, {conditions['fluid_temperature_degc']:.0f} °C, "
-        f"reservoir {conditions['reservoir_pressure_bar']:.2f} bar"
+        f"{conditions['speed_rpm']:.0f} rpm, {warmth.written(conditions['fluid_temperature_degc']):.0f} {warmth.word}, "
+        f"reservoir {bar.written(conditions['reservoir_pressure_bar']):.2f} {bar.word}"
     )
     body = [text(frame.left, 24, title, extra='font-weight="600"')]
     body.append(text(frame.right, 24, f"brought to {where}", anchor="end", colour=QUIET))
     body.append(text(frame.right, 44, _legend(curve), anchor="end", colour=QUIET))
     body += _band(curve, frame)
-    body += axes(frame, "discharge pressure [bar]", "case minus reservoir pressure [bar]")
+    x_title, y_title = f"discharge pressure [{bar.word}]", f"case minus reservoir pressure [{bar.word}]"
+    body += axes(frame, x_title, y_title, x_scale=bar, y_scale=bar)
     labels = Labels(Box(frame.left + 2, frame.top + 2, frame.right - 2, frame.bottom - 2))
-    body += _reference(curve, frame, labels)
+    body += _reference(curve, frame, labels, scales)
     body += _readings(curve, frame)
     body += _points(curve, frame, labels)
-    body += _arrows(curve, frame, labels)
+    body += _arrows(curve, frame, labels, scales)
     body.append(text(frame.right, frame.bottom + 58, _marks(curve), anchor="end", colour=QUIET))
-    body += temperature_panel(curve, Frame(frame.left, _SECOND_TOP, frame.right, HEIGHT - 52, 0, 1, 0, 1))
-    return document(WIDTH, HEIGHT, f"Damage identification curve of {title}", _description(curve, where), body)
+    body += temperature_panel(curve, Frame(frame.left, _SECOND_TOP, frame.right, HEIGHT - 52, 0, 1, 0, 1), scales)
+    return document(WIDTH, HEIGHT, f"Damage identification curve of {title}", _description(curve, where, bar), body)
 
 
 def _legend(curve: Curve) -> str:
@@ -124,7 +129,7 @@ def _band(curve: Curve, frame: Frame) -> list[str]:
     return [f'<g fill="{BAND}" opacity="0.8">{"".join(shapes)}</g>']
 
 
-def _reference(curve: Curve, frame: Frame, labels: Labels) -> list[str]:
+def _reference(curve: Curve, frame: Frame, labels: Labels, scales: Scales) -> list[str]:
     if not curve.curve:
         return []
     drawn = _along(curve)
@@ -143,7 +148,8 @@ def _reference(curve: Curve, frame: Frame, labels: Labels) -> list[str]:
             continue
         out.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="{ACCENT}"/>')
         if point.system_leakage_lpm > 0.0:
-            words = f"demand {point.system_leakage_lpm:g} L/min"
+            flow = scales["L/min"]
+            words = f"demand {flow.written(point.system_leakage_lpm):.3g} {flow.word}"
             out.append(_written(labels.place(words, x, y, away=(-1.0, 1.0)), words, ACCENT))
     return out
 
@@ -185,24 +191,26 @@ def _points(curve: Curve, frame: Frame, labels: Labels) -> list[str]:
     return out
 
 
-def _drawn(directions: Mapping[str, Direction]) -> list[tuple[str, float, float]]:
+def _drawn(directions: Mapping[str, Direction], scales: Scales = OWN_SCALES) -> list[tuple[str, float, float]]:
     """Arrows with their words: one a fault, two where it can go either way."""
     found = []
     for name, direction in directions.items():
         words = NAMES.get(name, name)
-        found.append((f"{words} +{direction.per}", direction.dx, direction.dy))
+        scale = scales.get(direction.unit, Scale(direction.unit))
+        per = f"{scale.written(direction.size):.3g} {scale.word}"
+        found.append((f"{words} +{per}", direction.dx, direction.dy))
         if direction.both_ways:
-            found.append((f"{words} −{direction.per}", -direction.dx, -direction.dy))
+            found.append((f"{words} −{per}", -direction.dx, -direction.dy))
     return found
 
 
-def _arrows(curve: Curve, frame: Frame, labels: Labels) -> list[str]:
+def _arrows(curve: Curve, frame: Frame, labels: Labels, scales: Scales) -> list[str]:
     if not curve.curve:
         return []
     x_0, y_0 = frame.x(curve.curve[0].x), frame.y(curve.curve[0].y)
     ends = [
         (words, frame.x(curve.curve[0].x + dx), frame.y(curve.curve[0].y + dy))
-        for words, dx, dy in _drawn(curve.directions)
+        for words, dx, dy in _drawn(curve.directions, scales)
     ]
     out = []
     for _, x_1, y_1 in ends:
@@ -265,12 +273,13 @@ def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _description(curve: Curve, where: str) -> str:
+def _description(curve: Curve, where: str, bar: Scale) -> str:
     if not curve.points:
         return f"Reference curve of the healthy pump at {where}; the pump has no points yet."
     last = curve.points[-1]
-    half = Z_90 * math.sqrt(last.covariance[1][1])
+    half = bar.factor * Z_90 * math.sqrt(last.covariance[1][1])
     return (
         f"Reference curve of this pump without a fault at {where} and {len(curve.points)} points of it. The newest lies at "
-        f"{last.x:.1f} bar discharge and {last.y:.3f} bar case minus reservoir pressure, give or take {half:.3f} bar."
+        f"{bar.written(last.x):.1f} {bar.word} discharge and {bar.written(last.y):.3f} {bar.word} case minus reservoir pressure, "
+        f"give or take {half:.3f} {bar.word}."
     )

@@ -44,12 +44,12 @@ NEAR_K, NEAR_RPM = 25.0, 300.0
 """How far from the chosen condition measured points of a bench are still brought to it (our choice)."""
 _RESERVOIR, _WARMTH_K = COLUMN["reservoir"], "fluid_temperature_degc"
 _SIZES: Mapping[State, tuple[float, str]] = {
-    State.PUMP_DEGRADATION: (0.5, "0.5 L/min"),
-    State.COMPENSATOR_FAULT: (2.0, "2 bar"),
-    State.SYSTEM_LEAKAGE: (3.0, "3 L/min"),
-    State.DRAIN_RESTRICTION: (0.5, "50 %"),
+    State.PUMP_DEGRADATION: (0.5, "L/min"),
+    State.COMPENSATOR_FAULT: (2.0, "bar"),
+    State.SYSTEM_LEAKAGE: (3.0, "L/min"),
+    State.DRAIN_RESTRICTION: (50.0, "%"),
 }
-"""Size of the fault that an arrow stands for, and how it is written."""
+"""Size of the fault that an arrow stands for, and its unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +90,18 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """Displacement by a fault of the size that ``per`` names [bar]; ``both_ways`` where it can go the other way."""
+    """Displacement by a fault of ``size`` in ``unit`` [bar]; ``both_ways`` where it can go the other way."""
 
     dx: float
     dy: float
-    per: str
+    size: float
+    unit: str
     both_ways: bool = False
+
+    @property
+    def per(self) -> str:
+        """The size as it is written: ``0.5 L/min``."""
+        return f"{self.size:g} {self.unit}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,9 +269,9 @@ def _directions(sight: Sight, anchor: Array) -> dict[str, Direction]:
     found: dict[str, Direction] = {}
     for k, kind in enumerate(FAULT_KINDS):
         if kind.state in _SIZES and kind.state.value not in found:
-            size, per = _SIZES[kind.state]
-            dx, dy = moved(sight, anchor, k, amplitude_of(kind, size))
-            found[kind.state.value] = Direction(float(dx), float(dy), per, kind.sign == 0)
+            size, unit = _SIZES[kind.state]
+            dx, dy = moved(sight, anchor, k, amplitude_of(kind, size / 100.0 if unit == "%" else size))
+            found[kind.state.value] = Direction(float(dx), float(dy), size, unit, kind.sign == 0)
     return found
 
 

@@ -5,9 +5,11 @@ from itertools import pairwise
 
 from detectors.curve.laws import NEWEST, Law
 from detectors.curve.points import Curve
-from detectors.drawing.svg import ACCENT, INK, QUIET, Frame, axes, line, padded, path, text
+from detectors.drawing.svg import ACCENT, INK, QUIET, Frame, Scale, axes, line, padded, path, text
 from detectors.words.numbers import Z_90
 
+Scales = Mapping[str, Scale]
+"""How numbers are written, by our unit: ``bar``, ``L/min``, ``degC``."""
 _SHOWN = 60
 """Newest records that are drawn."""
 _MARGIN, _LINE = 232.0, 18.0
@@ -30,12 +32,14 @@ def cross(x: float, y: float, opacity: float) -> str:
     return f'<path d="{way}" fill="none" stroke="{QUIET}" stroke-opacity="{opacity:.2f}"/>'
 
 
-def temperature_panel(curve: Curve, place: Frame) -> list[str]:
+def temperature_panel(curve: Curve, place: Frame, scales: Scales) -> list[str]:
     """The panel within ``place``, whose data range is found here; a line of words where there is no record."""
     if not curve.excess:
         return [text(place.left, place.top, "case pressure beyond the reference: no record yet", colour=QUIET)]
     frame = _frame(curve, place)
-    out = axes(frame, "fluid temperature [°C]", "case pressure beyond this pump's reference [bar]")
+    bar, warmth = scales["bar"], scales["degC"]
+    y_title = f"case pressure beyond this pump's reference [{bar.word}]"
+    out = axes(frame, f"fluid temperature [{warmth.word}]", y_title, x_scale=warmth, y_scale=bar)
     out.append(line(frame.left, frame.y(0.0), frame.right, frame.y(0.0), ACCENT, 2.0))
     offsets = _offsets(curve)
     for record in curve.excess[-_SHOWN:]:
@@ -55,7 +59,7 @@ def temperature_panel(curve: Curve, place: Frame) -> list[str]:
         pixels = [(frame.x(t), frame.y(v)) for t, v in law.curve]
         inside = [p for p in pixels if frame.left <= p[0] <= frame.right]
         out.append(f'<path d="{path(inside)}" fill="none" stroke="{INK}" stroke-width="1.8" {_STROKES[name][1]}/>')
-    return out + _words(curve, frame)
+    return out + _words(curve, frame, scales)
 
 
 def _drawn(curve: Curve) -> list[tuple[str, Law]]:
@@ -76,7 +80,7 @@ def _offsets(curve: Curve) -> dict[object, float]:
     return {r.at: r.y_first_zero - r.y for r in curve.readings if abs(r.y_first_zero - r.y) > SHIFTED_BAR}
 
 
-def _words(curve: Curve, frame: Frame) -> list[str]:
+def _words(curve: Curve, frame: Frame, scales: Scales) -> list[str]:
     """Beside the panel: each law's words at the height where it ends, none over another; below them what marks mean."""
     ends = sorted((frame.y(law.curve[-1][1]), name, law) for name, law in _drawn(curve))
     heights = [y for y, _, _ in ends]
@@ -86,7 +90,9 @@ def _words(curve: Curve, frame: Frame) -> list[str]:
     for height, (y, name, law) in zip(heights, ends, strict=True):
         end = min(max(y, frame.top), frame.bottom)
         out.append(line(frame.right, end, x - 4.0, height, QUIET, 0.8))
-        words = f"{_STROKES[name][0]} {law.size:.{0 if law.size >= 10.0 else 2}f} {law.unit}"
+        scale = scales.get(law.unit, Scale(law.unit))
+        size = scale.written(law.size)
+        words = f"{_STROKES[name][0]} {size:.{0 if size >= 10.0 else 2}f} {scale.word}"
         out.append(text(x, height + 4.5, words, extra='font-weight="600"' if name == best else ""))
     below = [f"dark: the newest {NEWEST}"] if ends else ["nothing stands out"]
     if ends:

@@ -31,6 +31,28 @@ class Frame:
         return self.bottom - (value - self.y_low) / (self.y_high - self.y_low) * (self.bottom - self.top)
 
 
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """How numbers stand beside a picture that is drawn in a unit of ours: ``written = factor * value + offset``."""
+
+    word: str = ""
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def written(self, value: float) -> float:
+        """A value in the unit that is written."""
+        return self.factor * value + self.offset
+
+    def ticks(self, low: float, high: float, about: int = 6) -> list[tuple[float, float]]:
+        """Values of ours, and what is written there: round numbers of the unit that is written."""
+        marks = ticks(self.written(low), self.written(high), about)
+        return [((mark - self.offset) / self.factor, mark) for mark in marks]
+
+
+AS_DRAWN = Scale()
+"""Numbers as the picture is drawn."""
+
+
 def ticks(low: float, high: float, about: int = 6) -> list[float]:
     """Round values between ``low`` and ``high``, about as many as asked for."""
     raw = (high - low) / max(about, 1)
@@ -67,18 +89,27 @@ def path(points: Sequence[tuple[float, float]], *, close: bool = False) -> str:
     return f"M {steps}{' Z' if close else ''}"
 
 
-def axes(frame: Frame, x_title: str, y_title: str, x_labels: Sequence[tuple[float, str]] | None = None) -> list[str]:
-    """Grid, tick labels and axis titles."""
+def axes(
+    frame: Frame,
+    x_title: str,
+    y_title: str,
+    x_labels: Sequence[tuple[float, str]] | None = None,
+    x_scale: Scale = AS_DRAWN,
+    y_scale: Scale = AS_DRAWN,
+) -> list[str]:
+    """Grid, tick labels and axis titles; the labels are in the units of the scales."""
     out = []
-    labels = x_labels if x_labels is not None else [(v, f"{v:g}") for v in ticks(frame.x_low, frame.x_high)]
+    labels = x_labels
+    if labels is None:
+        labels = [(v, f"{mark:g}") for v, mark in x_scale.ticks(frame.x_low, frame.x_high)]
     for value, words in labels:
         x = frame.x(value)
         out.append(line(x, frame.top, x, frame.bottom, GRID))
         out.append(text(x, frame.bottom + 18, words, anchor="middle", colour=QUIET))
-    for value in ticks(frame.y_low, frame.y_high, 5):
+    for value, mark in y_scale.ticks(frame.y_low, frame.y_high, 5):
         y = frame.y(value)
         out.append(line(frame.left, y, frame.right, y, GRID))
-        out.append(text(frame.left - 8, y + 4, f"{value:.4g}", anchor="end", colour=QUIET))
+        out.append(text(frame.left - 8, y + 4, f"{mark:g}", anchor="end", colour=QUIET))
     out.append(line(frame.left, frame.bottom, frame.right, frame.bottom, QUIET))
     out.append(line(frame.left, frame.top, frame.left, frame.bottom, QUIET))
     out.append(text((frame.left + frame.right) / 2, frame.bottom + 38, x_title, anchor="middle"))

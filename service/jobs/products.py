@@ -10,7 +10,11 @@ from service.errors import Conflict, NotFound
 from service.jobs.kinds import Work
 from service.storage.tables import SUCCEEDED, Job
 
-CONTENT_TYPES: Mapping[str, str] = {"html": "text/html; charset=utf-8", "json": "application/json"}
+CONTENT_TYPES: Mapping[str, str] = {
+    "html": "text/html; charset=utf-8",
+    "json": "application/json",
+    "pdf": "application/pdf",
+}
 """Formats that documents come in."""
 
 
@@ -24,14 +28,14 @@ def folder_of(work: Work[Any]) -> Path:
     return folder
 
 
-def keep(work: Work[Any], documents: Mapping[str, str]) -> dict[str, JobFile]:
+def keep(work: Work[Any], documents: Mapping[str, str | bytes]) -> dict[str, JobFile]:
     """Put a job's finished documents, by format, into the raw store, and what the job's result says of them.
 
     The job's folder is removed.
     """
     files: dict[str, JobFile] = {}
-    for form, text in documents.items():
-        content = text.encode()
+    for form, document in documents.items():
+        content = document.encode() if isinstance(document, str) else document
         files[form] = {"content_hash": work.context.raw_store.put(content), "bytes": len(content)}
     shutil.rmtree(folder_of(work), ignore_errors=True)
     return files

@@ -1,9 +1,10 @@
 """Report: what an operator prints for a maintenance meeting, of all pumps or of one."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
+from typing import Any, Literal
 
 from fastapi.encoders import jsonable_encoder
 from pydantic import Field
@@ -18,9 +19,11 @@ from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.jobs.products import keep
 from service.reading import queries
 from service.registry.fields import Instant
-from service.reports.content import Period, overview, pump_chapter
+from service.reports.content import Period, overview, pump_chapter, pump_curve
 from service.reports.page import report_html
+from service.reports.pdf import report_pdf
 from service.storage.tables import Pump
+from service.units import METRIC, SYSTEMS
 
 USUAL_PERIOD = timedelta(days=365)
 
@@ -31,11 +34,15 @@ class ReportParameters(Parameters):
     pump: str | None = Field(default=None, min_length=1, max_length=200)
     since: Instant | None = None
     until: Instant | None = None
+    units: Literal["metric", "us"] = Field(
+        default="metric",
+        description="Units of what is printed: bar, L/min and degC, or psi, gpm and degF; JSON has the first",
+    )
 
 
 @register
 class Report(Kind[ReportParameters, list[int]]):
-    """One item per pump: its state as it goes into the report; at the end the report as HTML and its numbers as JSON."""
+    """One item per pump: its state as it goes into the report; at the end the report as HTML and PDF, its numbers as JSON."""
 
     name = "report"
     role = "viewer"
@@ -71,12 +78,18 @@ class Report(Kind[ReportParameters, list[int]]):
         parameters = work.parameters
         if parameters.since is None or parameters.until is None:
             raise RuntimeError("a report without its period")
-        period = Period(parameters.since, parameters.until)
+        period, system = Period(parameters.since, parameters.until), SYSTEMS[parameters.units]
         # one snapshot of the database, so that summary and chapters agree
         with work.context.database.reading() as session:
             rows = [session.get_one(Pump, pump_id) for pump_id in pump_ids]
             whole = overview(session, work.principal, rows, period)
+            said = whole if system is METRIC else overview(session, work.principal, rows, period, system)
             chapters = [pump_chapter(session, work.principal, row, period) for row in rows]
+            printed: list[Mapping[str, Any]] = list(chapters)
+            if parameters.pump is not None:
+                # a picture of the curve costs a fold: one pump's card has it, a fleet's report has not
+                curves = [pump_curve(session, row, work.context.archive, system) for row in rows]
+                printed = [{**c, "curve": curve} for c, curve in zip(chapters, curves, strict=True)]
         subject = parameters.pump or work.operator or "all operators"
         document: FleetReport = {
             **whole,
@@ -85,8 +98,10 @@ class Report(Kind[ReportParameters, list[int]]):
             "until": instant(period.until),
             "pumps": chapters,
         }
-        documents = {
-            "html": report_html(subject, period, whole, chapters, work.principal.owner),
+        told = (subject, period, said, printed, work.principal.owner, system)
+        documents: dict[str, str | bytes] = {
+            "html": report_html(*told),
+            "pdf": report_pdf(*told),
             "json": json.dumps(jsonable_encoder(document), indent=1) + "\n",
         }
         return {"counts": counts, "files": keep(work, documents)}

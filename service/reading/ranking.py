@@ -17,6 +17,7 @@ from service.reading.standing import Standing
 from service.storage.among import among
 from service.storage.tables import Alarm, Pump
 from service.thresholds.layers import thresholds_of_many
+from service.units import METRIC, UnitSystem
 
 
 @cache
@@ -40,9 +41,9 @@ class Ranked:
     _alarm: "_OpenAlarm | None"
     _limit: float
 
-    def document(self) -> answers.RankedPump:
-        """As the API shows it."""
-        reasons = _reasons(self.pump, self._standing, self._alarm, self._limit)
+    def document(self, system: UnitSystem = METRIC) -> answers.RankedPump:
+        """As the API shows it, its reasons in the reader's units."""
+        reasons = _reasons(self.pump, self._standing, self._alarm, self._limit, system)
         return {"rank": self.rank, **self.pump, "urgency": self.urgency, "reasons": reasons}
 
 
@@ -65,10 +66,14 @@ def in_order(
 
 
 def ranked(
-    session: Session, rows: Sequence[Pump | Listed], shown: Sequence[answers.Pump], standing: Mapping[int, Standing]
+    session: Session,
+    rows: Sequence[Pump | Listed],
+    shown: Sequence[answers.Pump],
+    standing: Mapping[int, Standing],
+    system: UnitSystem = METRIC,
 ) -> list[answers.RankedPump]:
-    """The same as the API shows them, with urgency and reasons in plain words."""
-    return [place.document() for place in in_order(session, rows, shown, standing)]
+    """The same as the API shows them, with urgency and reasons in plain words and the reader's units."""
+    return [place.document(system) for place in in_order(session, rows, shown, standing)]
 
 
 class _OpenAlarm(NamedTuple):
@@ -105,7 +110,9 @@ def _place(alarm: _OpenAlarm | None, pump: answers.Pump) -> tuple[Any, ...]:
     return (cleared, -priority, dealt_with, *by_state(pump))
 
 
-def _reasons(pump: answers.Pump, standing: Standing | None, alarm: _OpenAlarm | None, limit: float) -> list[str]:
+def _reasons(
+    pump: answers.Pump, standing: Standing | None, alarm: _OpenAlarm | None, limit: float, system: UnitSystem
+) -> list[str]:
     reasons = []
     words = str(pump["state"]).replace("_", " ")
     if pump["state"] == "indeterminate":
@@ -117,14 +124,16 @@ def _reasons(pump: answers.Pump, standing: Standing | None, alarm: _OpenAlarm | 
     flow = standing.case_flow if standing else None
     if flow and flow["mean"] is not None and flow["mean"] > limit:
         reasons.append(
-            f"case flow at the reference condition is {flow['mean']:.2f} L/min "
-            f"({flow['low']:.2f} to {flow['high']:.2f}), the limit is {limit:g}"
+            f"case flow at the reference condition is {system.said(flow['mean'], 'L/min', 2)} "
+            f"({system.figure(flow['low'], 'L/min', 2)} to {system.figure(flow['high'], 'L/min', 2)}), "
+            f"the limit is {system.plain(limit, 'L/min')}"
         )
     rule = standing.case_pressure if standing else None
     if rule is not None and rule["beyond"]:
         reasons.append(
-            f"case over reservoir pressure is {rule['over_reservoir_bar']:.2f} bar, its reference {rule['reference_bar']:.2f}, "
-            f"the limit {rule['limit_bar']:g}: whatever the cause"
+            f"case over reservoir pressure is {system.said(rule['over_reservoir_bar'], 'bar', 2)}, "
+            f"its reference {system.figure(rule['reference_bar'], 'bar', 2)}, "
+            f"the limit {system.plain(rule['limit_bar'], 'bar')}: whatever the cause"
         )
     if alarm is not None:
         state = f"{alarm.condition}, {'acknowledged' if alarm.acknowledged else 'not acknowledged'}"

@@ -20,7 +20,7 @@ def png_of(svg: str) -> bytes:
     return bytes(
         resvg_py.svg_to_bytes(
             svg_string=svg,
-            font_files=list(_fonts()),
+            font_files=list(fonts()),
             skip_system_fonts=True,
             font_family="DejaVu Sans",
             sans_serif_family="DejaVu Sans",
@@ -30,8 +30,8 @@ def png_of(svg: str) -> bytes:
 
 
 @cache
-def _fonts() -> tuple[str, ...]:
-    """DejaVu Sans as matplotlib ships it."""
+def fonts() -> tuple[str, ...]:
+    """Files of DejaVu Sans, plain and bold, as matplotlib ships it."""
     import matplotlib  # noqa: PLC0415 - heavy, and only here
 
     folder = Path(matplotlib.get_data_path()) / "fonts" / "ttf"

@@ -3,21 +3,25 @@
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from detectors.drawing.svg import ACCENT, BAND, QUIET, Frame, axes, document, line, padded, path, text
+from detectors.drawing.svg import ACCENT, BAND, QUIET, Frame, Scale, axes, document, line, padded, path, text
 from service.answers.pumps import TrendPoint
 
 WIDTH, HEIGHT = 820, 250
 _SPARK = (120, 28)
 
 
-def trend_svg(title: str, unit: str, items: Sequence[TrendPoint], limit: float | None = None) -> str:
-    """Chart of one metric over time with its 90 % interval; ``limit`` is drawn as a dashed line."""
+def trend_svg(title: str, scale: Scale, items: Sequence[TrendPoint], limit: float | None = None) -> str:
+    """Chart of one metric over time with its 90 % interval; ``limit`` is drawn as a dashed line.
+
+    Values and limit are in our unit; ``scale`` says how they are written.
+    """
+    unit = scale.word
     instants = [datetime.fromisoformat(item["at"]).timestamp() for item in items]
     values = [v for item in items for v in (item["value"], item["low"], item["high"])]
     low, high = padded([*values, *([] if limit is None else [limit])])
     start, end = padded(instants, share=0.02, smallest=43_200.0)
     frame = Frame(64, 40, WIDTH - 20, HEIGHT - 44, start, end, low, high)
-    body = axes(frame, "", f"{title} [{unit}]", _dates(start, end))
+    body = axes(frame, "", f"{title} [{unit}]", _dates(start, end), y_scale=scale)
     upper = [(frame.x(t), frame.y(i["high"])) for t, i in zip(instants, items, strict=True)]
     lower = [(frame.x(t), frame.y(i["low"])) for t, i in zip(instants, items, strict=True)]
     middle = [(frame.x(t), frame.y(i["value"])) for t, i in zip(instants, items, strict=True)]
@@ -28,13 +32,14 @@ def trend_svg(title: str, unit: str, items: Sequence[TrendPoint], limit: float |
     if limit is not None:
         y = frame.y(limit)
         body.append(line(frame.left, y, frame.right, y, "#8a1c1c", 1.5, 'stroke-dasharray="6 4"'))
-        body.append(text(frame.right, y - 5, f"limit {limit:g} {unit}", anchor="end", colour="#8a1c1c"))
-    last = items[-1]
+        words = f"limit {scale.written(limit):.4g} {unit}"
+        body.append(text(frame.right, y - 5, words, anchor="end", colour="#8a1c1c"))
+    last, lowest, highest = (scale.written(v) for v in (items[-1]["value"], items[-1]["low"], items[-1]["high"]))
     return document(
         WIDTH,
         HEIGHT,
         f"Trend of {title}",
-        f"{len(items)} values; the newest is {last['value']:.3g} {unit} ({last['low']:.3g} to {last['high']:.3g}).",
+        f"{len(items)} values; the newest is {last:.3g} {unit} ({lowest:.3g} to {highest:.3g}).",
         body,
     )
 

@@ -7,13 +7,17 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
+from detectors.curve.picture import curve_svg
 from service.access.security import Principal
 from service.alarms import reading
 from service.answers.job_documents import FleetOverview, ReportedPump
 from service.answers.words import instant
+from service.history.archive import Archive
 from service.history.knowledge import entries
+from service.monitoring.succession import taken_over
 from service.reading import queries
 from service.reading.agreement import judged_findings, rates
+from service.reading.curve import curve_of
 from service.reading.fleet import pump_documents, pumps_standing
 from service.reading.forecast import forecast_of, with_crossing
 from service.reading.ranking import ranked
@@ -21,6 +25,7 @@ from service.reading.trend import points_of, thinned
 from service.registry import findings
 from service.storage.tables import Finding, Pump
 from service.thresholds.layers import thresholds_of
+from service.units import METRIC, UnitSystem
 
 TRENDS = ("case_flow_at_reference_lpm", "system_leakage_change_lpm")
 """Metrics that a report draws for each pump: the pump's own wear, and its circuit's."""
@@ -39,9 +44,14 @@ class Period:
         return self.since <= at < self.until
 
 
-def overview(session: Session, principal: Principal, rows: Sequence[Pump], period: Period) -> FleetOverview:
-    """The fleet as it stands now, ranked with reasons, and how often the workshop agreed; alarms of the period."""
-    ranking = ranked(session, rows, *pumps_standing(session, rows))
+def overview(
+    session: Session, principal: Principal, rows: Sequence[Pump], period: Period, system: UnitSystem = METRIC
+) -> FleetOverview:
+    """The fleet as it stands now, ranked with reasons, and how often the workshop agreed; alarms of the period.
+
+    The words of the reasons have the reader's units; numbers are as the API has them.
+    """
+    ranking = ranked(session, rows, *pumps_standing(session, rows), system)
     ids = {row.id for row in rows}
     found = [
         reading.shown(alarm, serial, kind)
@@ -55,6 +65,14 @@ def overview(session: Session, principal: Principal, rows: Sequence[Pump], perio
         "alarms": found,
         "findings": rates(judged_findings(session, principal)),
     }
+
+
+def pump_curve(session: Session, row: Pump, archive: Archive, system: UnitSystem) -> str | None:
+    """The damage identification curve of a pump as SVG, its numbers in the reader's units; None before its first record."""
+    if not queries.newest_assessments(session, row.id, 1):
+        return None
+    found = curve_of(session, row, None, None, None, taken_over(session, row, archive))
+    return curve_svg(found.curve, f"pump {row.serial}", system.scales())
 
 
 def pump_chapter(session: Session, principal: Principal, row: Pump, period: Period) -> ReportedPump:

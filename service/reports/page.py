@@ -7,12 +7,13 @@ from typing import Any
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
-from detectors.words.verdict import TREND_METRICS
+from detectors.words.verdict import CAUSES, TREND_METRICS
 from service.identity import sentence
 from service.reports.charts import trend_svg
 from service.reports.content import Period
-from service.reports.remarks import remarks
+from service.reports.remarks import remarks, steps
 from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
+from service.units import METRIC, UnitSystem
 
 _TEMPLATES = Environment(
     # the pages of all reports look alike
@@ -32,19 +33,35 @@ _TEMPLATES.globals |= {
 
 
 def report_html(
-    subject: str, period: Period, whole: Mapping[str, Any], chapters: Sequence[Mapping[str, Any]], author: str
+    subject: str,
+    period: Period,
+    whole: Mapping[str, Any],
+    chapters: Sequence[Mapping[str, Any]],
+    author: str,
+    system: UnitSystem = METRIC,
 ) -> str:
-    """The page; chapters come in the order of the ranking."""
-    place = {(item["operator"], item["serial"]): item["rank"] for item in whole["ranking"]}
-    ordered = sorted(chapters, key=lambda c: place[c["pump"]["operator"], c["pump"]["serial"]])
+    """The page in the reader's units; chapters come in the order of the ranking.
+
+    A chapter with a ``curve``, an SVG, is a job card as well: it shows it, its evidence, steps and lines to sign.
+    """
+    ordered = in_order(whole, chapters)
     return _TEMPLATES.get_template("report.html").render(
         subject=subject,
         period=period,
         whole=whole,
         chapters=[
-            {**chapter, "figures": _figures(chapter), "remarks": remarks(chapter["verdict"])} for chapter in ordered
+            {
+                **chapter,
+                "curve": Markup(chapter["curve"]) if chapter.get("curve") else None,  # noqa: S704
+                "figures": [Markup(svg) for svg in trend_figures(chapter, system)],  # noqa: S704 - made by us
+                "remarks": remarks(chapter["verdict"], system),
+                "steps": steps(chapter["verdict"]),
+            }
+            for chapter in ordered
         ],
         author=author,
+        system=system,
+        causes=CAUSES,
         made=datetime.now(UTC),
         software=sentence(),
         twins=sorted({c["verdict"]["twin_version"] for c in chapters}),
@@ -52,10 +69,16 @@ def report_html(
     )
 
 
-def _figures(chapter: Mapping[str, Any]) -> list[Markup]:
+def in_order(whole: Mapping[str, Any], chapters: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Chapters in the order of the ranking."""
+    place = {(item["operator"], item["serial"]): item["rank"] for item in whole["ranking"]}
+    return sorted(chapters, key=lambda c: place[c["pump"]["operator"], c["pump"]["serial"]])
+
+
+def trend_figures(chapter: Mapping[str, Any], system: UnitSystem) -> list[str]:
+    """Pictures of a chapter's trends as SVG."""
     figures = []
     for metric, points in chapter["trends"].items():
         limit = chapter["case_flow_limit_lpm"] if metric == "case_flow_at_reference_lpm" else None
-        svg = trend_svg(ESTIMATE_NAMES[metric], TREND_METRICS[metric], points, limit)
-        figures.append(Markup(svg))  # noqa: S704
+        figures.append(trend_svg(ESTIMATE_NAMES[metric], system.scale(TREND_METRICS[metric]), points, limit))
     return figures

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from itertools import groupby
 from xml.sax.saxutils import escape
 
-from detectors.drawing.svg import Frame, axes, document, padded, path, text, ticks
+from detectors.drawing.svg import Frame, Scale, axes, document, padded, path, text, ticks
 from service.answers.history import RecordMark
 from service.answers.records import ChannelSamples, RecordChannels, Window
+from service.units import METRIC, UnitSystem
 
 WIDTH, PANEL, _GAP, _HEAD, _FOOT = 920, 150, 34, 40, 20
 _LEFT, _RIGHT = 70, WIDTH - 16
@@ -45,14 +46,15 @@ def record_svg(
     first: int = 1,
     marks: Sequence[RecordMark] = (),
     overlay: Overlay | None = None,
+    system: UnitSystem = METRIC,
 ) -> str:
-    """Picture of a stretch of a record.
+    """Picture of a stretch of a record, its numbers written in the reader's units.
 
     Windows are shaded over every panel and carry the number that they have in the table beside the picture; ``first``
     is the number of the first one. Those that the analysis rejected are hatched. Of an ``overlay``, channels that the
     record has as well are drawn. Classes name what things are; the style sheet of the page colours them.
     """
-    panels = _panels(found["channels"])
+    panels = _panels(found["channels"], system)
     height = _HEAD + len(panels) * (PANEL + _GAP) + _FOOT
     start, end = found["start_s"], max(found["end_s"], found["start_s"] + 1e-6)
     body = [
@@ -64,11 +66,13 @@ def record_svg(
         others = [o for c in panel.channels if overlay is not None and (o := overlay.channel(c["channel"])) is not None]
         frame = Frame(_LEFT, top, _RIGHT, top + PANEL, start, end, *_range(panel, found, others))
         is_last = i == len(panels) - 1
-        body.append(_opened(frame, panel.unit))
+        scale = system.scale(panel.unit)
+        body.append(_opened(frame, panel.unit, scale))
         body += _shades(frame, found["windows"], first if i == 0 else None)
         # the axis is the same for all: its numbers stand under the last panel
         labels = [(at, f"{at:g}" if is_last else "") for at in ticks(start, end)]
-        body += axes(frame, "time from the start of the record [s]" if is_last else "", panel.title, labels)
+        x_title = "time from the start of the record [s]" if is_last else ""
+        body += axes(frame, x_title, panel.title, labels, y_scale=scale)
         body += [_marked(frame, mark) for mark in marks if mark["start_s"] < end and mark["end_s"] > start]
         for other in others:
             name = escape(f"{_words(other['channel'])}, other record", {'"': "&quot;"})
@@ -90,15 +94,16 @@ def record_svg(
     return document(WIDTH, height, title, words, body)
 
 
-def _opened(frame: Frame, unit: str) -> str:
+def _opened(frame: Frame, unit: str, scale: Scale) -> str:
     """Begin of a panel's group, which says its axes: a cursor reads values off the lines by it."""
-    ends = {"x0": frame.x_low, "x1": frame.x_high, "y0": frame.y_low, "y1": frame.y_high}
+    low, high = scale.written(frame.y_low), scale.written(frame.y_high)
+    ends = {"x0": frame.x_low, "x1": frame.x_high, "y0": low, "y1": high}
     edges = {"left": frame.left, "right": frame.right, "top": frame.top, "bottom": frame.bottom}
     said = " ".join(f'data-{name}="{value:.9g}"' for name, value in (ends | edges).items())
-    return f'<g class="panel" data-unit="{escape("" if unit == "-" else _shown(unit))}" {said}>'
+    return f'<g class="panel" data-unit="{escape("" if unit == "-" else scale.word)}" {said}>'
 
 
-def _panels(channels: Sequence[ChannelSamples]) -> list[_Panel]:
+def _panels(channels: Sequence[ChannelSamples], system: UnitSystem) -> list[_Panel]:
     """Case and reservoir pressure share a panel, as do flows; everything else has its own."""
     found = []
     for _, group in groupby(sorted(channels, key=_place), key=lambda c: _place(c)[0]):
@@ -106,7 +111,7 @@ def _panels(channels: Sequence[ChannelSamples]) -> list[_Panel]:
         unit = held[0]["unit"]
         names = [_words(c["channel"]) for c in held]
         drawn = names[0] if len(names) == 1 else f"{names[0]} (line), {', '.join(names[1:])} (dashed)"
-        found.append(_Panel(f"{drawn} [{_shown(unit)}]" if unit != "-" else drawn, unit, held))
+        found.append(_Panel(f"{drawn} [{system.word(unit)}]" if unit != "-" else drawn, unit, held))
     return found
 
 
@@ -131,10 +136,6 @@ def _place(channel: ChannelSamples) -> tuple[str, int, str]:
 def _words(name: str) -> str:
     head, _, tail = name.rpartition("_")
     return (head if tail in _LEAST_RANGE else name).replace("_", " ")
-
-
-def _shown(unit: str) -> str:
-    return {"lpm": "L/min", "degc": "°C"}.get(unit, unit)
 
 
 def _marked(frame: Frame, mark: RecordMark) -> str:

@@ -8,6 +8,7 @@ from detectors.words.states import row_of
 from detectors.words.verdict import ESTIMATES
 from service.answers.verdicts import BlindSpot, MissingEvidence, Verdict
 from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES
+from service.units import METRIC, UnitSystem
 
 
 class Remark(NamedTuple):
@@ -17,13 +18,24 @@ class Remark(NamedTuple):
     sentences: tuple[str, ...]
 
 
-def remarks(verdict: Verdict) -> list[Remark]:
-    """Remarks on a verdict in the shape of the API; nothing of what it does not say, nor of what older releases knew not."""
-    found = [Remark(heading, tuple(said(verdict))) for heading, said in _SAID]
+def remarks(verdict: Verdict, system: UnitSystem = METRIC) -> list[Remark]:
+    """Remarks on a verdict in the shape of the API; nothing of what it does not say, nor of what older releases knew not.
+
+    Numbers are in the reader's units; what the verdict brings as words stays as it was written.
+    """
+    found = [Remark(heading, tuple(said(verdict, system))) for heading, said in _SAID]
     return [remark for remark in found if remark.sentences]
 
 
-def _fit(verdict: Verdict) -> list[str]:
+def steps(verdict: Verdict) -> list[str]:
+    """What to do one after the other: the advice, what would tell, what is still to be recorded, and to write it down."""
+    resolving = verdict["resolving_measurement"]
+    found = [verdict["advice"], *([] if resolving is None else [f"What would tell: {resolving}."])]
+    found += [f"Record {_evidence(item)}." for item in verdict.get("missing_evidence", []) if item["what"] != resolving]
+    return [*found, "Enter what was found and what was done on the page of the pump: verdicts rest on it."]
+
+
+def _fit(verdict: Verdict, _system: UnitSystem) -> list[str]:
     fit = verdict.get("fit")
     if fit is None or fit["records"] == 0:
         return []
@@ -32,25 +44,27 @@ def _fit(verdict: Verdict) -> list[str]:
     return [words if fit["since"] is None else f"{words}; none since {_day(fit['since'])}"]
 
 
-def _blind_spots(verdict: Verdict) -> list[str]:
-    return [_blind_spot(spot) for spot in verdict.get("blind_spots", [])]
+def _blind_spots(verdict: Verdict, system: UnitSystem) -> list[str]:
+    return [_blind_spot(spot, system) for spot in verdict.get("blind_spots", [])]
 
 
-def _blind_spot(spot: BlindSpot) -> str:
+def _blind_spot(spot: BlindSpot, system: UnitSystem) -> str:
     name, unit = spot["quantity"], ESTIMATES.get(spot["quantity"], "")
     words = ESTIMATE_NAMES.get(name, name).removesuffix(", change")
-    size = "of any size" if spot["below"] is None else f"below {spot['below']:.2g} {unit}".rstrip()
+    size = "of any size"
+    if spot["below"] is not None:
+        size = f"below {system.value(spot['below'], unit):.2g} {system.word(unit)}".rstrip()
     return f"{words}: changes {size} stay unseen, because {spot['because']}"
 
 
-def _intermittent(verdict: Verdict) -> list[str]:
+def _intermittent(verdict: Verdict, _system: UnitSystem) -> list[str]:
     found = verdict.get("intermittent")
     if found is None:
         return []
     return [f"{_word(found['state'])} on {found['records']} of {found['of']} records, first on {_day(found['since'])}"]
 
 
-def _resolved(verdict: Verdict) -> list[str]:
+def _resolved(verdict: Verdict, _system: UnitSystem) -> list[str]:
     found = verdict.get("resolved_by")
     if found is None:
         return []
@@ -58,7 +72,7 @@ def _resolved(verdict: Verdict) -> list[str]:
     return [f"{_word(found['state'])} ended on {_day(found['at'])}: {done}"]
 
 
-def _missing(verdict: Verdict) -> list[str]:
+def _missing(verdict: Verdict, _system: UnitSystem) -> list[str]:
     return [_evidence(item) for item in verdict.get("missing_evidence", [])]
 
 
@@ -68,7 +82,7 @@ def _evidence(item: MissingEvidence) -> str:
     return f"{item['what']}, {count}" + (f": would decide between {between}" if between else "")
 
 
-def _limit(verdict: Verdict) -> list[str]:
+def _limit(verdict: Verdict, _system: UnitSystem) -> list[str]:
     said = []
     beyond, crossing = verdict.get("probability_beyond_limit"), verdict.get("crossing")
     if beyond is not None:
@@ -79,18 +93,20 @@ def _limit(verdict: Verdict) -> list[str]:
     return said
 
 
-def _case_pressure(verdict: Verdict) -> list[str]:
+def _case_pressure(verdict: Verdict, system: UnitSystem) -> list[str]:
     rule = verdict.get("case_pressure")
     if rule is None:
         return []
     said = "beyond the rule, whatever the cause" if rule["beyond"] else "within the rule"
+    over = system.said(rule["over_reservoir_bar"], "bar", 2)
+    reference = system.said(rule["reference_bar"], "bar", 2)
     return [
-        f"{rule['over_reservoir_bar']:.2f} bar over the reservoir on the last flight: {said} (twice this pump's own reference of "
-        f"{rule['reference_bar']:.2f} bar, or {rule['limit_bar']:g} bar)"
+        f"{over} over the reservoir on the last flight: {said} (twice this pump's own reference of {reference}, or "
+        f"{system.said(rule['limit_bar'], 'bar')})"
     ]
 
 
-_SAID: tuple[tuple[str, Callable[[Verdict], list[str]]], ...] = (
+_SAID: tuple[tuple[str, Callable[[Verdict, UnitSystem], list[str]]], ...] = (
     ("The leading cause", _fit),
     ("Cannot be seen", _blind_spots),
     ("Comes and goes", _intermittent),

@@ -2,21 +2,24 @@
 
 import math
 
-from detectors.drawing.svg import QUIET, Frame, axes, document, line, padded, path, text
+from detectors.drawing.svg import QUIET, Frame, Scale, axes, document, line, padded, path, text
 from service.answers.records import ChannelSpectrum
+from service.units import METRIC, UnitSystem, unit_of
 
 _WIDTH, _HEIGHT = 920, 260
 
 
-def spectrum_svg(found: ChannelSpectrum) -> str:
-    """Picture of a spectrum; the density is drawn as the logarithm of its value."""
+def spectrum_svg(found: ChannelSpectrum, system: UnitSystem = METRIC) -> str:
+    """Picture of a spectrum; the density is drawn as the logarithm of its value, written in the reader's unit."""
     density = found["density"]
+    unit = system.word(density["unit"])
+    scale = Scale(unit, 1.0, 2.0 * math.log10(system.scale(unit_of(found["channel"])).factor))
     pairs = [(f, v) for f, v in zip(density["frequency_hz"], density["value"], strict=True) if v > 0.0 and f > 0.0]
     heights = [math.log10(v) for _, v in pairs]
     low, high = padded(heights, smallest=0.2)
     last = max((f for f, _ in pairs), default=1.0)
     frame = Frame(70, 44, _WIDTH - 16, _HEIGHT - 46, 0.0, last, low, high)
-    body = axes(frame, "frequency [Hz]", f"{found['channel']}: log10 of the density [{density['unit']}]")
+    body = axes(frame, "frequency [Hz]", f"{found['channel']}: log10 of the density [{unit}]", y_scale=scale)
     for order in found["orders"]:
         if order["frequency_hz"] <= last:
             x = frame.x(order["frequency_hz"])

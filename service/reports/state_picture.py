@@ -5,7 +5,7 @@ from service.answers.pumps import Pump
 from service.reports.words import MARKS, WORDS
 
 WIDTH, HEIGHT = 300, 64
-_COLOURS = {
+COLOURS = {
     "healthy": "#1d6b3a",
     "insufficient_data": "#4d5866",
     "pump_degradation": "#98181f",
@@ -20,7 +20,7 @@ _MOST_LETTERS = 24
 
 def state_svg(pump: Pump, urgency: str) -> str:
     """The picture; ``urgency`` is the priority of the pump's open alarm, ``none`` without one."""
-    colour = _COLOURS.get(pump["state"], "#4d5866")
+    colour = COLOURS.get(pump["state"], "#4d5866")
     name = pump["serial"] if len(pump["serial"]) <= _MOST_LETTERS else f"{pump['serial'][: _MOST_LETTERS - 1]}…"
     words, since = WORDS[pump["state"]], f" since {pump['since'][:10]}" if pump["since"] else ""
     told = f"Pump {pump['serial']}: {words}{since}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import pairwise
 
-from detectors.drawing.svg import Frame, axes, document, line, padded, text, ticks
+from detectors.drawing.svg import AS_DRAWN, Frame, Scale, axes, document, line, padded, text, ticks
 
 WIDTH, HEIGHT = 820, 262
 _LEFT, _TOP, _RIGHT, _BOTTOM = 64, 52, WIDTH - 20, HEIGHT - 44
@@ -31,6 +31,7 @@ class TrendChart:
     """What a chart shows; horizontally seconds since 1970 (UTC), or flight hours where ``in_hours``.
 
     ``sibling`` is the pump at the other position, ``band`` the middle of the fleet, ``events`` pairs of a place and a kind.
+    Values are in our unit; ``scale`` says how they are written, in ``unit``.
     """
 
     title: str
@@ -43,6 +44,7 @@ class TrendChart:
     sibling: Series | None = None
     band: tuple[float, float] | None = None
     events: Sequence[tuple[float, str]] = field(default=())
+    scale: Scale = AS_DRAWN
 
 
 def chart_svg(chart: TrendChart) -> str:
@@ -58,7 +60,7 @@ def chart_svg(chart: TrendChart) -> str:
     frame = Frame(_LEFT, _TOP, _RIGHT, _BOTTOM, chart.start, max(chart.end, chart.start + 1e-6), low, high)
     labels = [(v, f"{v:g}") for v in ticks(frame.x_low, frame.x_high)] if chart.in_hours else _dates(frame)
     body = [_panel(frame, chart)]
-    body += axes(frame, "flight hours [h]" if chart.in_hours else "", "", labels)
+    body += axes(frame, "flight hours [h]" if chart.in_hours else "", "", labels, y_scale=chart.scale)
     if chart.band is not None:
         top, bottom = frame.y(chart.band[1]), frame.y(chart.band[0])
         body.append(
@@ -70,7 +72,8 @@ def chart_svg(chart: TrendChart) -> str:
     if chart.limit is not None:
         y = frame.y(chart.limit)
         body.append(line(_LEFT, y, _RIGHT, y, "#8a1c1c", 1.5, 'stroke-dasharray="6 4"'))
-        body.append(text(_RIGHT, y - 5, f"limit {chart.limit:g} {chart.unit}", anchor="end", colour="#8a1c1c"))
+        words = f"limit {chart.scale.written(chart.limit):.4g} {chart.unit}"
+        body.append(text(_RIGHT, y - 5, words, anchor="end", colour="#8a1c1c"))
     body += _events(frame, chart.events)
     body.append("</g>")
     body.append(text(_LEFT, 16, f"{chart.title} [{chart.unit}]"))
@@ -78,8 +81,9 @@ def chart_svg(chart: TrendChart) -> str:
 
 
 def _panel(frame: Frame, chart: TrendChart) -> str:
+    low, high = chart.scale.written(frame.y_low), chart.scale.written(frame.y_high)
     held = {
-        "x0": f"{frame.x_low:.6f}", "x1": f"{frame.x_high:.6f}", "y0": f"{frame.y_low:.6g}", "y1": f"{frame.y_high:.6g}",
+        "x0": f"{frame.x_low:.6f}", "x1": f"{frame.x_high:.6f}", "y0": f"{low:.6g}", "y1": f"{high:.6g}",
         "left": _LEFT, "right": _RIGHT, "top": _TOP, "bottom": _BOTTOM, "unit": chart.unit,
     }  # fmt: skip
     return '<g class="panel" ' + " ".join(f'data-{name}="{value}"' for name, value in held.items()) + ">"
@@ -138,13 +142,15 @@ def _dates(frame: Frame) -> list[tuple[float, str]]:
 
 def _said(chart: TrendChart) -> str:
     """The picture in words."""
-    own = chart.own
+    own, unit, written = chart.own, chart.unit, chart.scale.written
     if not own.value:
         return "No value in this stretch."
-    words = f"{len(own.value)} values from {min(own.value):.3g} to {max(own.value):.3g} {chart.unit}; the newest is {own.value[-1]:.3g}"
+    lowest, highest, newest = (written(v) for v in (min(own.value), max(own.value), own.value[-1]))
+    words = f"{len(own.value)} values from {lowest:.3g} to {highest:.3g} {unit}; the newest is {newest:.3g}"
     if own.low and own.high:
-        words += f" ({own.low[-1]:.3g} to {own.high[-1]:.3g})"
-    words += f" {chart.unit}."
+        words += f" ({written(own.low[-1]):.3g} to {written(own.high[-1]):.3g})"
+    words += f" {unit}."
     if chart.band is not None:
-        words += f" The middle of the fleet is {chart.band[0]:.3g} to {chart.band[1]:.3g} {chart.unit}."
+        low, high = (written(v) for v in chart.band)
+        words += f" The middle of the fleet is {low:.3g} to {high:.3g} {unit}."
     return words

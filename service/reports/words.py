@@ -4,7 +4,11 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
+from jinja2 import pass_context
+from jinja2.runtime import Context as Variables
+
 from detectors.words.states import STATES
+from service.units import UnitSystem, unit_of
 
 WORDS: Mapping[str, str] = {state.value: row.label for state, row in STATES.items()}
 MARKS: Mapping[str, str] = {state.value: row.mark for state, row in STATES.items()}
@@ -31,10 +35,59 @@ def _instant(value: datetime | str) -> datetime:
     return datetime.fromisoformat(value) if isinstance(value, str) else value
 
 
+def _system(variables: Variables) -> UnitSystem:
+    found: UnitSystem = variables["system"]
+    return found
+
+
+@pass_context
+def _word(variables: Variables, unit: str) -> str:
+    return _system(variables).word(unit)
+
+
+@pass_context
+def _value(variables: Variables, value: float, unit: str) -> float:
+    return _system(variables).value(value, unit)
+
+
+@pass_context
+def _figure(variables: Variables, value: float | None, unit: str, digits: int) -> str:
+    return _system(variables).figure(value, unit, digits)
+
+
+@pass_context
+def _size(variables: Variables, value: float | None, unit: str, digits: int) -> str:
+    return _system(variables).size(value, unit, digits)
+
+
+@pass_context
+def _said(variables: Variables, value: float, unit: str, digits: int | None = None) -> str:
+    return _system(variables).said(value, unit, digits)
+
+
+@pass_context
+def _plain(variables: Variables, value: float, unit: str) -> str:
+    return _system(variables).plain(value, unit)
+
+
+@pass_context
+def _text(variables: Variables, value: float, unit: str) -> str:
+    return _system(variables).text(value, unit)
+
+
 FILTERS: Mapping[str, Callable[..., Any]] = {
     "day": lambda instant: f"{_instant(instant):%d %b %Y %H:%M} UTC" if instant else "–",
     "date": lambda instant: f"{_instant(instant):%d %b %Y}" if instant else "–",
     # "+ 0.0" turns a rounded minus zero into zero
     "number": lambda value, digits: f"{round(value, digits) + 0.0:.{digits}f}",
+    # those of a template that is rendered with the reader's ``system`` of units
+    "unit": _word,
+    "in_unit": _value,
+    "figure": _figure,
+    "size": _size,
+    "said": _said,
+    "plain": _plain,
+    "field": _text,
+    "unit_of": unit_of,
 }
 """Filters of the templates."""

@@ -37,6 +37,7 @@ PAGES = {
     "audit": "/audit",
     "sign-in": "/sign-in",
     "docs": "/docs",
+    "preferences": "/preferences",
     "nothing": "/nothing-here",
 }
 

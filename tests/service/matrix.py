@@ -252,6 +252,7 @@ MATRIX: dict[tuple[str, str], Entry] = {
     ("GET", "/records"): Entry(PAGE, "/records"),
     ("GET", "/records/{record_id}"): Entry(PAGE, "/records/{record}", True),
     ("GET", "/alarms"): Entry(PAGE, "/alarms"),
+    ("GET", "/pumps/{serial}/job-card.pdf"): Entry(PAGE, "/pumps/{pump}/job-card.pdf", True),
     ("GET", "/alarms/statistics"): Entry(PAGE, "/alarms/statistics"),
     ("GET", "/alarms/{alarm_id}"): Entry(PAGE, "/alarms/{alarm}", True),
     ("GET", "/thresholds"): Entry(PAGE, "/thresholds?scope=operator&id={operator}", True),

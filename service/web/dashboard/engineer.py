@@ -1,7 +1,7 @@
 """The engineer's page: an operating point with health values beside the healthy pump, and what given sensors can tell."""
 
-from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import HTMLResponse, Response
@@ -13,36 +13,40 @@ from service.context import Context
 from service.errors import Problem
 from service.reports.twin_chart import Line, twin_svg
 from service.reports.words import WORDS
-from service.web.dashboard.forms import checked
+from service.units import METRIC, SYSTEMS, UnitSystem
+from service.web.dashboard.forms import checked, in_ours
 from service.web.dashboard.frame import PageRoute, html_page
-from service.web.dashboard.load_step import Step, load_step
+from service.web.dashboard.load_step import Step, load_runs, shown_runs
+from service.web.dashboard.preferences import system_of
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes import circuits, pump_types, twin, twin_isolability
 from twin.pumps.fluids import FLUIDS
 
 engineer_router = APIRouter(include_in_schema=False, route_class=PageRoute)
+Units = Literal["metric", "us", ""]
 _LEAKS_LPM = [0.5 * i for i in range(17)]
 _TEMPERATURES_DEGC = [20.0 + 4.0 * i for i in range(19)]
 HEALTH = {
     "pump_leakage_scale": ("leakage of the pump, times healthy", 1.0),
-    "system_leakage_lpm": ("leak of the circuit [L/min]", 0.0),
-    "pressure_setting_change_bar": ("pressure setting, change [bar]", 0.0),
+    "system_leakage_lpm": ("leak of the circuit", 0.0),
+    "pressure_setting_change_bar": ("pressure setting, change", 0.0),
     "drain_resistance_scale": ("resistance of the drain, times healthy", 1.0),
-    "control_bleed_lpm": ("bleed of the compensator [L/min]", 0.0),
+    "control_bleed_lpm": ("bleed of the compensator", 0.0),
     "droop_scale": ("droop, times healthy", 1.0),
 }
 OUTPUTS = {
-    "discharge_pressure_bar": "discharge pressure [bar]",
-    "case_pressure_bar": "case pressure [bar]",
-    "return_pressure_bar": "return pressure [bar]",
-    "control_pressure_bar": "control pressure [bar]",
-    "case_flow_lpm": "case flow [L/min]",
-    "discharge_flow_lpm": "discharge flow [L/min]",
-    "suction_flow_lpm": "suction flow [L/min]",
+    "discharge_pressure_bar": "discharge pressure",
+    "case_pressure_bar": "case pressure",
+    "return_pressure_bar": "return pressure",
+    "control_pressure_bar": "control pressure",
+    "case_flow_lpm": "case flow",
+    "discharge_flow_lpm": "discharge flow",
+    "suction_flow_lpm": "suction flow",
     "swashplate_angle_deg": "tilt of the swashplate [deg]",
     "shaft_torque_nm": "torque of the shaft [N m]",
-    "case_temperature_degc": "fluid in the case [°C]",
+    "case_temperature_degc": "fluid in the case",
 }
+"""Words for numbers; the unit that a name ends in follows them, as the reader has it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +91,18 @@ def engineer_page(
     point: Annotated[Point, Depends()],
     study: Annotated[Study, Depends()],
     step: Annotated[Step, Depends()],
+    units: Annotated[Units, Query(description="Units that the numbers of this address are in")] = "",
 ) -> Response:
     """Operating point beside the healthy pump's, two curves through it, a load step, and what sensors could see."""
+    system, given_in = system_of(request), SYSTEMS.get(units, METRIC)
+    point, study = _in_ours(point, request, given_in), _in_ours(study, request, given_in)
+    step = _in_ours(step, request, given_in)
     found: dict[str, Any] = {"problem": None, "sound": None, "worn": None, "pictures": []}
     bounds: dict[str, Any] = {"problem": None, "rows": [], "remarks": []}
     stepped: dict[str, Any] = {"problem": None, "pictures": [], "rows": []}
     status = 200
     try:
-        found |= _point(context, asker, point)
+        found |= _point(context, asker, point, system)
     except Problem as problem:
         found["problem"], status = problem.body(), int(problem.status)
     if study.study:
@@ -105,7 +113,8 @@ def engineer_page(
     if step.step:
         given = asdict(point)
         try:
-            stepped |= load_step(context, asker, given, {name: given[name] for name in HEALTH}, step)
+            runs = load_runs(context, asker, given, {name: given[name] for name in HEALTH}, step)
+            stepped |= shown_runs(runs, step, system)
         except Problem as problem:
             stepped["problem"], status = problem.body(), int(problem.status)
     values = {
@@ -125,7 +134,18 @@ def engineer_page(
     return html_page("engineer.html", status, values)
 
 
-def _point(context: Context, asker: Principal, point: Point) -> dict[str, Any]:
+_Asked = TypeVar("_Asked", Point, Study, Step)
+
+
+def _in_ours(asked: _Asked, request: Request, system: UnitSystem) -> _Asked:
+    """What was asked for with every number that the address gives in our unit; what it leaves out is in ours already."""
+    held = {f.name for f in fields(asked)}
+    given = {name: text for name, text in request.query_params.items() if name in held and text}
+    found: dict[str, Any] = {name: in_ours(text, name, system) for name, text in given.items()}
+    return replace(asked, **{name: value for name, value in found.items() if isinstance(value, float)})
+
+
+def _point(context: Context, asker: Principal, point: Point, system: UnitSystem) -> dict[str, Any]:
     """Both operating points, and curves over a leak of the circuit and over temperature for either health."""
     given = asdict(point)
     worn = {name: given.pop(name) for name in HEALTH}
@@ -150,11 +170,12 @@ def _point(context: Context, asker: Principal, point: Point) -> dict[str, Any]:
         Line("with these values", [_over(t, i) for t, i in zip(_TEMPERATURES_DEGC, warm[m:], strict=True)]),
     ]
     marked = _in_plane(items[1], tank)
+    bar, flow, warmth = (system.scale(unit) for unit in ("bar", "L/min", "degC"))
+    planes = (f"discharge pressure [{bar.word}]", f"case minus reservoir [{bar.word}]")
+    warm_names = (f"fluid temperature [{warmth.word}]", f"case flow [{flow.word}]")
     pictures = [
-        twin_svg(
-            "Damage identification curve", ("discharge pressure [bar]", "case minus reservoir [bar]"), plane, marked
-        ),
-        twin_svg("Case flow over temperature", ("fluid temperature [°C]", "case flow [L/min]"), over, None),
+        twin_svg("Damage identification curve", planes, plane, marked, scales=(bar, bar)),
+        twin_svg("Case flow over temperature", warm_names, over, None, scales=(warmth, flow)),
     ]
     return {"sound": items[0], "worn": items[1], "pictures": [Markup(p) for p in pictures]}  # noqa: S704
 

@@ -21,6 +21,7 @@ from service.reports.charts import sparkline_svg
 from service.reports.words import WORDS
 from service.web.dashboard.frame import PageRoute, html_page
 from service.web.dashboard.links import address, pump_address
+from service.web.dashboard.preferences import system_of
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes import pumps
 
@@ -62,7 +63,8 @@ def fleet_page(
         wanted = [p for p in everyone if _fits(p, filters) and _found(p, search)]
         last = max(1, -(-len(wanted) // _PUMPS_PER_PAGE))
         page = min(max(page, 1), last)
-        shown = [p.document() for p in wanted[(page - 1) * _PUMPS_PER_PAGE : page * _PUMPS_PER_PAGE]]
+        system = system_of(request)
+        shown = [p.document(system) for p in wanted[(page - 1) * _PUMPS_PER_PAGE : page * _PUMPS_PER_PAGE]]
         flows = _flows(session, rows, shown)
         agreement = rates(judged_findings(session, asker))
     query = {

@@ -17,10 +17,13 @@ from service.access.sessions import Visitor
 from service.bodies import is_storable
 from service.context import Context
 from service.errors import Fault, Forbidden, Invalid, TooLarge, Unauthenticated
+from service.units import METRIC, SYSTEMS, UnitSystem, unit_of
 from service.web.dependencies import context_of, visitor_of
 
 AnyBody = TypeVar("AnyBody", bound=BaseModel)
 TOKEN = "csrf_token"  # noqa: S105 - the name of a field
+UNITS = "units"
+"""Name of the field in which a form says what units its numbers are in."""
 _MOST_BYTES = 2**20
 _MOST_FIELDS = 2000
 
@@ -43,8 +46,30 @@ class Sent:
         return [value for value in self.fields.get(name, ()) if value]
 
     def filled(self, without: Sequence[str] = ()) -> dict[str, Any]:
-        """The fields that were filled in, each with its first value: what is left open says nothing."""
-        return {name: values[0] for name, values in self.fields.items() if name not in without and values[0]}
+        """The fields that were filled in, each with its first value: what is left open says nothing.
+
+        Numbers that a name says the unit of, ``measured_case_flow_lpm``, come in it, whatever units the form was shown in.
+        """
+        system, left_out = self.system, {*without, UNITS}
+        return {
+            name: in_ours(values[0], name, system)
+            for name, values in self.fields.items()
+            if name not in left_out and values[0]
+        }
+
+    @property
+    def system(self) -> UnitSystem:
+        """Units that the form was shown in: it says so itself, for its reader may have chosen others since.
+
+        Raises
+        ------
+        Invalid
+            for units that there are none of.
+        """
+        name = self.text(UNITS) or METRIC.name
+        if name not in SYSTEMS:
+            raise Invalid("nothing was changed", [Fault(UNITS, f"is not one of {', '.join(SYSTEMS)}")])
+        return SYSTEMS[name]
 
     def instant(self, name: str) -> str | None:
         """Time of a field with the zone that it lacks (the pages speak UTC); None where it is empty."""
@@ -53,6 +78,17 @@ class Sent:
     def goes_back_to(self, link: str) -> None:
         """Where the page of a problem leads back to."""
         self.request.state.back = link
+
+
+def in_ours(text: str, name: str, system: UnitSystem) -> str | float:
+    """What somebody typed in a field, in the unit that its name ends in; text that needs no conversion, or is no number, stays."""
+    unit = unit_of(name)
+    if not system.converts(unit):
+        return text
+    try:
+        return system.stored(text, unit)
+    except ValueError:
+        return text
 
 
 async def sent_form(request: Request) -> Sent:

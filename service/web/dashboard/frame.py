@@ -106,6 +106,7 @@ def _rendered(
         ],
         "now": local(datetime.now(UTC)),
         "zone": preferences.zone_of(values["request"]),
+        "system": preferences.system_of(values["request"]),
         "choose": address("preferences", query={"back": _again(values["request"])}),
     }
     with preferences.spoken_in(frame["zone"]):

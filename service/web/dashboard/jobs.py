@@ -1,6 +1,6 @@
 """Jobs: asked for, watched, cancelled; and the reports that some of them leave."""
 
-from typing import Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
@@ -62,6 +62,8 @@ def ask(form: SentForm) -> Response:
     form.goes_back_to(form.text("back") if form.text("back").startswith("/pumps/") else "/jobs")
     parameters: dict[str, Any] = {name: form.text(name) for name in _PARAMETERS if form.text(name)}
     parameters |= {name: form.instant(name) for name in ("since", "until") if form.text(name)}
+    if form.text("kind") == "report":
+        parameters["units"] = form.system.name
     if "dry_run" in parameters:
         parameters["dry_run"] = True
     values = form.filled(without=(*_PARAMETERS, "back")) | {"parameters": parameters}
@@ -98,10 +100,17 @@ def cancel(job_id: str, form: SentForm) -> Response:
 
 
 @job_router.get("/reports/{job_id}", response_class=HTMLResponse)
-def report_page(request: Request, job_id: str, context: ContextOf, asker: Asker) -> Response:
+def report_page(
+    request: Request,
+    job_id: str,
+    context: ContextOf,
+    asker: Asker,
+    form: Annotated[Literal["html", "pdf"], Query(alias="format")] = "html",
+) -> Response:
     """The document that a job has left, to print; until then how far it is."""
     job = jobs.one(job_id, context, asker)
-    if job["result"] is not None and "html" in job["result"].get("files", {}):
-        return jobs.result(job_id, context, asker, "html")
+    kept = job["result"].get("files", {}) if job["result"] is not None else {}
+    if form in kept:
+        return jobs.result(job_id, context, asker, form)
     values = {"request": request, "job": job, "is_living": job["status"] in ("queued", "running")}
     return html_page("report.html", 200, values)

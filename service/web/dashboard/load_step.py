@@ -1,26 +1,28 @@
 """A load step on the engineer's page: the transient twin while a consumer opens, healthy and with other health values."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from fastapi import Query
 from markupsafe import Markup
 
+from detectors.drawing.svg import AS_DRAWN
 from service.access.security import Principal
 from service.answers.twin import Simulation
 from service.context import Context
 from service.reports.twin_chart import Line, twin_svg
+from service.units import UnitSystem, unit_of
 from service.web.dashboard.forms import checked
 from service.web.routes import twin_simulation
 
 CHANNELS = {
-    "discharge_pressure_bar": "discharge pressure [bar]",
-    "case_pressure_bar": "case pressure [bar]",
-    "case_flow_lpm": "case flow [L/min]",
+    "discharge_pressure_bar": "discharge pressure",
+    "case_pressure_bar": "case pressure",
+    "case_flow_lpm": "case flow",
     "swashplate_angle_deg": "tilt of the swashplate [deg]",
 }
-"""What is drawn, where the run has it."""
+"""What is drawn, where the run has it; the unit that a name ends in follows the words."""
 _RATE_HZ = 2000.0
 _LONGEST_S = 1.0
 _DRAWN = 400
@@ -37,10 +39,10 @@ class Step:
     run_s: Annotated[float, Query(gt=0.0, le=_LONGEST_S)] = 0.3
 
 
-def load_step(
+def load_runs(
     context: Context, asker: Principal, condition: Mapping[str, Any], health: Mapping[str, float], step: Step
-) -> dict[str, Any]:
-    """Pictures and a table of both runs; ``condition`` holds pump type, circuit, fluid, speed, temperature and tank.
+) -> list[Simulation]:
+    """The healthy run and the other; ``condition`` holds pump type, circuit, fluid, speed, temperature and tank.
 
     Called on a thread of a request: the runs wait for their turn with those of the API.
 
@@ -49,20 +51,28 @@ def load_step(
     Invalid
         with every fault of the values.
     """
-    runs = [_run(context, asker, condition, given, step) for given in ({}, health)]
+    return [_run(context, asker, condition, given, step) for given in ({}, health)]
+
+
+def shown_runs(runs: Sequence[Simulation], step: Step, system: UnitSystem) -> dict[str, Any]:
+    """Pictures of both runs in the reader's units, and a table whose numbers are in ours."""
     pictures, rows = [], []
     for channel, words in CHANNELS.items():
         held = [run["channels"].get(channel) for run in runs]
         if held[0] is None or held[1] is None:
             continue
-        times = runs[0]["channels"]["time_s"]
+        times, unit = runs[0]["channels"]["time_s"], unit_of(channel)
+        named = words if unit == "-" else f"{words} [{system.word(unit)}]"
+        scales = (AS_DRAWN, system.scale(unit))
         lines = [
             Line(name, _thinned(times, values))
             for name, values in zip(("healthy pump", "with these values"), held, strict=True)
             if values is not None
         ]
-        pictures.append(Markup(twin_svg(f"Load step, {words}", ("time [s]", words), lines, None, 0.001)))  # noqa: S704
-        rows.append({"words": words, "runs": [_figures(times, values, step.step_at_s) for values in held if values]})
+        svg = twin_svg(f"Load step, {named}", ("time [s]", named), lines, None, 0.001, scales)
+        pictures.append(Markup(svg))  # noqa: S704
+        figures = [_figures(times, values, step.step_at_s) for values in held if values]
+        rows.append({"words": named, "unit": unit, "runs": figures})
     return {"pictures": pictures, "rows": rows}
 
 

@@ -30,6 +30,7 @@ from service.thresholds.layers import thresholds_of
 from service.web.dashboard.frame import PageRoute, html_page, local
 from service.web.dashboard.links import address, api_address
 from service.web.dashboard.pictures import PICTURE_HEADERS, pictured_curve
+from service.web.dashboard.preferences import system_of
 from service.web.dashboard.trends import Look, Looked, trends_of_page
 from service.web.dependencies import Asker, ContextOf, context_of, principal
 from twin.pumps.fluids import FLUIDS
@@ -48,16 +49,18 @@ def pump_page(request: Request, serial: str, look: Looked, operator: str | None 
 
 
 @page_router.get("/pumps/{serial}/curve.svg")
-def curve_picture(serial: str, context: ContextOf, asker: Asker, operator: str | None = None) -> Response:
-    """The damage identification curve as the page shows it, light or dark as the screen is."""
+def curve_picture(
+    request: Request, serial: str, context: ContextOf, asker: Asker, operator: str | None = None
+) -> Response:
+    """The damage identification curve as the page shows it, light or dark as the screen is, in the reader's units."""
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
-        svg = pictured_curve(session, row, context.archive)
+        svg = pictured_curve(session, row, context.archive, system_of(request))
     return Response(svg, media_type="image/svg+xml", headers=PICTURE_HEADERS)
 
 
 def _pump_body(request: Request, context: Context, look: Look, serial: str, operator: str | None) -> _Body:
-    asker = principal(request)
+    asker, system = principal(request), system_of(request)
     with context.database.reading() as session:
         row = queries.pump(session, asker, serial, operator)
         document = pump_documents(session, [row])[0]
@@ -71,11 +74,11 @@ def _pump_body(request: Request, context: Context, look: Look, serial: str, oper
             "request": request,
             "pump": document,
             "verdict": verdict,
-            "remarks": remarks(verdict),
+            "remarks": remarks(verdict, system),
             "changes": _changes(session, row),
             "curve": address("pumps", row.serial, "curve.svg", query={"operator": row.operator}),
             "forecast": forecast,
-            "trends": trends_of_page(session, asker, row, look, thresholds, entered),
+            "trends": trends_of_page(session, (asker, system), row, look, thresholds, entered),
             "alarms": _alarms(session, asker, row),
             "findings": [findings.document(f) for f in sorted(entered.findings, key=lambda f: f.at, reverse=True)],
             "maintenance": [

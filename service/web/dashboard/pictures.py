@@ -12,6 +12,7 @@ from service.monitoring.succession import taken_over
 from service.reading import queries
 from service.reading.curve import curve_of
 from service.storage.tables import Installation, MaintenanceEvent, Pump, ThresholdVersion
+from service.units import UnitSystem
 
 PICTURE_HEADERS = {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'; base-uri 'none'",
@@ -29,16 +30,15 @@ _kept: OrderedDict[tuple[object, ...], str] = OrderedDict()
 _lock = Lock()
 
 
-def pictured_curve(session: Session, row: Pump, archive: Archive) -> str:
+def pictured_curve(session: Session, row: Pump, archive: Archive, system: UnitSystem) -> str:
     """The damage identification curve of a pump, drawn anew only where something that it rests on has changed."""
-    key = _state(session, row)
+    key = (system.name, *_state(session, row))
     with _lock:
         if key in _kept:
             _kept.move_to_end(key)
             return _kept[key]
-    svg = curve_svg(
-        curve_of(session, row, None, None, None, taken_over(session, row, archive)).curve, f"pump {row.serial}"
-    )
+    found = curve_of(session, row, None, None, None, taken_over(session, row, archive)).curve
+    svg = curve_svg(found, f"pump {row.serial}", system.scales())
     svg = svg.replace("<title>", f"{_DARK}<title>", 1)
     with _lock:
         _kept[key] = svg

@@ -1,4 +1,4 @@
-"""How somebody wants pages to speak: times in a zone of their choice with UTC beside. Kept in a cookie, nowhere else."""
+"""How somebody wants pages to speak: times in a zone with UTC beside, and units. Kept in cookies, nowhere else."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -10,9 +10,11 @@ from zoneinfo import ZoneInfo, available_timezones
 
 from fastapi import Request
 
+from service.units import METRIC, SYSTEMS, UnitSystem
 from service.web.dependencies import is_secure
 
 COOKIE = "casedrain_zone"
+UNITS_COOKIE = "casedrain_units"
 YEAR_S = 365 * 86_400
 _zone: ContextVar[ZoneInfo | None] = ContextVar("zone of a page", default=None)
 
@@ -29,6 +31,11 @@ def zone_of(request: Request) -> str:
     return chosen if chosen in zones() else "UTC"
 
 
+def system_of(request: Request) -> UnitSystem:
+    """Units that the sender of a request has chosen; bar, L/min and degC where there is none, or none of that name."""
+    return SYSTEMS.get(request.cookies.get(UNITS_COOKIE, ""), METRIC)
+
+
 @contextmanager
 def spoken_in(zone: str) -> Iterator[None]:
     """Times of a page in a zone while the block runs."""
@@ -39,10 +46,10 @@ def spoken_in(zone: str) -> Iterator[None]:
         _zone.reset(token)
 
 
-def cookie(request: Request, zone: str) -> dict[str, Any]:
+def cookie(request: Request, name: str, chosen: str) -> dict[str, Any]:
     """Arguments of a response's cookie that keeps a choice."""
     secure = is_secure(request)
-    return {"key": COOKIE, "value": zone, "max_age": YEAR_S, "httponly": True, "samesite": "lax", "secure": secure}
+    return {"key": name, "value": chosen, "max_age": YEAR_S, "httponly": True, "samesite": "lax", "secure": secure}
 
 
 def _here(value: datetime | str) -> tuple[datetime, datetime | None]:

@@ -22,9 +22,11 @@ from service.registry.fields import Reason
 from service.registry.marks import NewMark
 from service.reports.record_chart import Overlay, record_svg
 from service.reports.spectrum_chart import spectrum_svg
+from service.units import METRIC, UnitSystem
 from service.web.dashboard.forms import SentForm, checked, done, instant_of
 from service.web.dashboard.frame import PageRoute, html_page
 from service.web.dashboard.links import address
+from service.web.dashboard.preferences import system_of
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes import marks, records, spectrum
 
@@ -101,7 +103,9 @@ def record_page(
 ) -> Response:
     """One record: its channels over time with windows, marks and the twin, another one over it, its spectrum."""
     record = records.one(record_id, context, asker)
-    seen = _Seen(record, start_s, end_s, records.one(beside, context, asker) if beside else None, align or "start")
+    system = system_of(request)
+    other = records.one(beside, context, asker) if beside else None
+    seen = _Seen(record, start_s, end_s, other, align or "start", system)
     marked = marks.listed(record_id, context, asker)["items"]
     picture = _picture(context, asker, seen, marked)
     with context.database.reading() as session:
@@ -111,7 +115,7 @@ def record_page(
         "record": record,
         "windows": record.get("windows") or (picture["found"]["windows"] if picture["svg"] else []),
         "picture": picture,
-        "spectrum": _spectrum(context, asker, record, channel, start_s, end_s),
+        "spectrum": _spectrum(context, asker, seen, channel),
         "status_words": STATUS_WORDS,
         "window_words": WINDOW_WORDS,
         "may_withdraw": asker.may("analyst") and record["status"] in ("analysed", "stored"),
@@ -163,6 +167,7 @@ class _Seen:
     end_s: float | None
     beside: answers.Record | None = None
     align: str = "start"
+    system: UnitSystem = METRIC
 
     def at(self, start: float | None, end: float | None) -> str:
         """The same look at another stretch."""
@@ -218,7 +223,7 @@ def _picture(context: Context, asker: Principal, seen: _Seen, marked: Sequence[R
     all_windows = record.get("windows", found["windows"])
     first = next((i for i, w in enumerate(all_windows, 1) if found["windows"] and w == found["windows"][0]), 1)
     overlay = _overlay(context, asker, seen)
-    svg = record_svg(found, f"Channels of record {record_id}", first, marked, overlay)
+    svg = record_svg(found, f"Channels of record {record_id}", first, marked, overlay, seen.system)
     return {
         "svg": Markup(svg),  # noqa: S704 - made by us, names in it are escaped
         "found": found,
@@ -264,19 +269,13 @@ def _moves(seen: _Seen, found: RecordChannels) -> list[tuple[str, str]]:
     ]
 
 
-def _spectrum(
-    context: Context,
-    asker: Principal,
-    record: answers.Record,
-    channel: str,
-    start_s: float | None,
-    end_s: float | None,
-) -> dict[str, Any]:
+def _spectrum(context: Context, asker: Principal, seen: _Seen, channel: str) -> dict[str, Any]:
     """Spectrum of the channel that was asked for; or why there is none."""
     if not channel:
         return {"svg": None, "why": None, "found": None, "channel": ""}
     try:
-        found = spectrum.spectrum(record["record_id"], context, asker, channel, start_s, end_s)
+        found = spectrum.spectrum(seen.record["record_id"], context, asker, channel, seen.start_s, seen.end_s)
     except Problem as problem:
         return {"svg": None, "why": problem.detail, "found": None, "channel": channel}
-    return {"svg": Markup(spectrum_svg(found)), "why": None, "found": found, "channel": channel}  # noqa: S704
+    svg = Markup(spectrum_svg(found, seen.system))  # noqa: S704
+    return {"svg": svg, "why": None, "found": found, "channel": channel}

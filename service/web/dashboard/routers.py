@@ -5,6 +5,7 @@ from fastapi import APIRouter
 from service.web.dashboard.actions import action_router
 from service.web.dashboard.administration import administration_router
 from service.web.dashboard.alarms import alarm_router
+from service.web.dashboard.cards import card_router
 from service.web.dashboard.choices import choice_router
 from service.web.dashboard.engineer import engineer_router
 from service.web.dashboard.fleet import fleet_router
@@ -32,6 +33,7 @@ for _part in (
     registry_router,
     administration_router,
     action_router,
+    card_router,
     choice_router,
     sign_in_router,
     oidc_router,

@@ -1,6 +1,6 @@
 """Thresholds by layer: what holds and from where, a change previewed on history, published with a reason, restored."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,13 +9,15 @@ from fastapi.responses import HTMLResponse, Response
 
 from service.access.security import Principal
 from service.answers.jobs import Job
-from service.answers.thresholds import Preview
+from service.answers.thresholds import Preview, ThresholdKey
 from service.answers.thresholds import Thresholds as Layer
 from service.context import Context
 from service.errors import Fault, Invalid, Problem
+from service.units import UnitSystem, unit_of
 from service.web.dashboard.forms import Sent, SentForm, checked, done
 from service.web.dashboard.frame import PageRoute, html_page
 from service.web.dashboard.links import address
+from service.web.dashboard.preferences import system_of
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes import operators, pump_types, thresholds
 
@@ -143,8 +145,13 @@ def _values(form: Sent) -> dict[str, float]:
 
 
 def _again(form: Sent, layer: tuple[str, str, str | None], shown: _Shown) -> Response:
-    """The page once more with what the form holds."""
-    typed = {n.removeprefix(_VALUE): v for n, v in form.filled().items() if n.startswith(_VALUE)}
+    """The page once more with what the form holds, in the units that the reader has now."""
+    system = system_of(form.request)
+    typed: dict[str, str] = {}
+    for name, value in form.filled().items():
+        if name.startswith(_VALUE):
+            same = system is form.system or not isinstance(value, float)
+            typed[name.removeprefix(_VALUE)] = form.text(name) if same else system.text(value, unit_of(name))
     again = _Shown(typed, form.text("reason"), shown.preview, shown.problem)
     return _page(form.request, form.context, form.who, layer, again)
 
@@ -156,9 +163,11 @@ def _page(
     found = thresholds.effective(scope, scope_id, Response(), context, asker, operator)
     history = thresholds.history(scope, scope_id, context, asker, operator)["items"]
     keys = thresholds.keys(asker)["items"]
-    typed = (
-        shown.values if shown.values is not None else {k: repr(v).removesuffix(".0") for k, v in found["own"].items()}
-    )
+    system = system_of(request)
+    units = {key["key"]: key["unit"] for key in keys}
+    typed = shown.values
+    if typed is None:
+        typed = {k: system.text(v, units.get(k, "-")) for k, v in found["own"].items()}
     values = {
         "request": request,
         "layer": {"scope": scope, "id": scope_id, "operator": operator, "word": SCOPE_WORDS[scope]},
@@ -167,7 +176,9 @@ def _page(
         "versions": [
             {
                 **version,
-                "changes": _changes(version["values"], history[i + 1]["values"] if i + 1 < len(history) else {}),
+                "changes": _changes(
+                    version["values"], history[i + 1]["values"] if i + 1 < len(history) else {}, units, system
+                ),
             }
             for i, version in enumerate(history)
         ],
@@ -175,27 +186,51 @@ def _page(
         "may_preview": asker.may("analyst"),
         "may_publish": asker.may("engineer") and (asker.operator is None or scope in ("operator", "pump")),
         "preview": shown.preview,
-        "problem": shown.problem.body() if shown.problem else None,
+        "problem": _told(shown.problem, keys, system) if shown.problem else None,
         "reason": shown.reason,
     }
     return html_page("thresholds.html", int(shown.problem.status) if shown.problem else 200, values)
+
+
+def _told(problem: Problem, keys: Sequence[ThresholdKey], system: UnitSystem) -> dict[str, Any]:
+    """A problem with the ranges of what the reader has in other units than ours."""
+    told: dict[str, Any] = dict(problem.body())
+    ranges = {
+        f"values.{key['key']}": f"; the range is {system.plain(key['low'], key['unit'])} to "
+        f"{system.said(key['high'], key['unit'])}"
+        for key in keys
+        if system.converts(key["unit"])
+    }
+    if "errors" in told:
+        told["errors"] = [{**e, "problem": e["problem"] + ranges.get(e["where"], "")} for e in told["errors"]]
+    return told
 
 
 def _row(found: Layer, key: str) -> dict[str, Any]:
     return {"value": found["values"][key]["value"], "origin": found["values"][key]["from"]}
 
 
-def _changes(after: Mapping[str, float], before: Mapping[str, float]) -> list[str]:
-    """What a version changed beside the one before it, in words."""
+def _changes(
+    after: Mapping[str, float], before: Mapping[str, float], units: Mapping[str, str], system: UnitSystem
+) -> list[str]:
+    """What a version changed beside the one before it, in words; ``units`` are ours by key, where keys have one."""
     words = []
     for key in sorted({*after, *before}):
+        old, new = (_written(held.get(key), units.get(key, "-"), system) for held in (before, after))
         if key not in before:
-            words.append(f"{key} set to {after[key]:g}")
+            words.append(f"{key} set to {new}")
         elif key not in after:
-            words.append(f"{key} no longer set (was {before[key]:g})")
+            words.append(f"{key} no longer set (was {old})")
         elif after[key] != before[key]:
-            words.append(f"{key} from {before[key]:g} to {after[key]:g}")
+            words.append(f"{key} from {old} to {new}")
     return words or ["nothing"]
+
+
+def _written(value: float | None, unit: str, system: UnitSystem) -> str:
+    """A value beside its key, which says our unit: another one is said."""
+    if value is None:
+        return "nothing"
+    return system.said(value, unit) if system.converts(unit) else f"{value:g}"
 
 
 def _layers(context: Context, asker: Principal) -> list[tuple[str, str]]:

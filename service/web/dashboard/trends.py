@@ -22,6 +22,7 @@ from service.reading.trend import METRICS, ZERO, kept_places, newest_values
 from service.reports.trend_chart import LETTERS, Series, TrendChart, chart_svg
 from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, WORDS
 from service.storage.tables import Pump, StoredAssessment
+from service.units import UnitSystem
 from service.web.dashboard.forms import instant_of
 from service.web.dashboard.links import address, api_address
 
@@ -84,9 +85,14 @@ class _Ends:
 
 
 def trends_of_page(
-    session: Session, asker: Principal, row: Pump, look: Look, thresholds: Mapping[str, float], entered: Entered
+    session: Session,
+    reader: tuple[Principal, UnitSystem],
+    row: Pump,
+    look: Look,
+    thresholds: Mapping[str, float],
+    entered: Entered,
 ) -> dict[str, Any]:
-    """Everything that the section of trends shows; ``thresholds`` and ``entered`` are those of the pump now.
+    """Everything that the section of trends shows, in the reader's units; ``thresholds`` and ``entered`` are the pump's now.
 
     Raises
     ------
@@ -112,7 +118,7 @@ def trends_of_page(
             continue
         chart = TrendChart(
             title=_NAMES.get(metric) or metric.rsplit("_", 1)[0].replace("_", " "),
-            unit=METRICS[metric],
+            unit=system.word(METRICS[metric]),
             own=axis.series([(seen, places)], metric),
             start=start,
             end=end,
@@ -121,6 +127,7 @@ def trends_of_page(
             sibling=axis.series([(part, part.with_value(metric)) for part in sibling], metric, False),
             band=bands.get(metric),
             events=marked,
+            scale=system.scale(METRICS[metric]),
         )
         charts.append(_shown(row, metric, chart, seen, places))
     return {
@@ -268,7 +275,7 @@ def _shown(row: Pump, metric: str, chart: TrendChart, seen: PumpHistory, places:
     return {
         "metric": metric,
         "title": chart.title,
-        "unit": chart.unit,
+        "unit": METRICS[metric],
         "svg": Markup(chart_svg(chart)),  # noqa: S704 - made by us
         "items": [seen.point(metric, i) for i in places[::-1][:_ROWS].tolist()],
         "more": max(len(places) - _ROWS, 0),

@@ -120,7 +120,8 @@ def result(
     context: ContextOf,
     asker: Asker,
     form: Annotated[
-        Literal["html", "json"], Query(alias="format", description="A page to print, or its numbers")
+        Literal["html", "json", "pdf"],
+        Query(alias="format", description="A page to print, its numbers, or the page as PDF where the job is a report"),
     ] = "html",
 ) -> Response:
     """A report or a study as its job has left it, once it has succeeded."""

@@ -48,7 +48,7 @@
         const q = nearest(l.places, at);
         if (Math.abs(q[0] - at) > 40) return null;
         const v = p.y0 + (p.bottom - q[1]) / (p.bottom - p.top) * (p.y1 - p.y0);
-        return `${l.name} ${v.toPrecision(3)} ${p.unit}`;
+        return `${l.name} ${Math.abs(v) < 1000 ? v.toPrecision(3) : v.toFixed(0)} ${p.unit}`;
       })).filter(Boolean);
       output.textContent = [words(at), ...said].join(" · ");
     }
