@@ -53,7 +53,7 @@ Progress = Callable[[float], None]
 DEFAULT_STEP_S = 58.5e-6
 FULL_STEP_RPM = 4600.0
 VARIABLE_GAP_STEP_S = 10.0e-6
-RESOLVED, METAMODEL = SLIPPER_GAPS = ("resolved", "metamodel")
+SLIPPER_GAPS = ("resolved", "metamodel")
 """How the gap of a slipper that follows from the forces is found."""
 _PIECE_S = 0.25
 """Longest piece between two calls of the compiled loop [s]: progress, and memory of a stream."""
@@ -194,7 +194,7 @@ def pieces(
     keep_states: bool = False,
     initial_state: Vector | None = None,
     piece_s: float = _PIECE_S,
-    slipper_gaps: str = RESOLVED,
+    slipper_gaps: str = SLIPPER_GAPS[0],
 ) -> Iterator[Run]:
     """Simulate a scenario piece by piece: every piece is a ``Run`` of its own, so that memory stays bounded.
 
@@ -226,7 +226,7 @@ def pieces(
     n = int(pump.piston.n) if not faults else 9
     if slipper_gaps not in SLIPPER_GAPS:
         faults.append(f"slipper_gaps = {slipper_gaps!r} (known: {', '.join(SLIPPER_GAPS)})")
-    mapped = slipper_gaps == METAMODEL
+    mapped = slipper_gaps == SLIPPER_GAPS[1]
     if mapped and not faults:
         faults += metamodel_faults(pump)
     low, high = STEP_RANGE_S
