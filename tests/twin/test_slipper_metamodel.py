@@ -148,7 +148,9 @@ def test_a_load_step_by_the_metamodel_keeps_its_fluid_and_says_where_it_was_outs
     worn = Scenario(0.3, condition, Health(slipper_leakage_scale=1.5), {"discharge_flow_lpm": opened})
     run = simulate(THESIS.pump, BENCH, worn, slipper_gaps="metamodel", sample_rate_hz=2000.0)
     assert run.status.ok
-    assert run.status.outside_s < 0.01
+    # the pressures' swing after the step is beyond the runs, what it settles to is among them
+    assert 0.0 < run.status.outside_s < 0.1
+    assert run.status.outside_from_s > 0.02
     leaves = run.mean("discharge_flow_lpm", 4) + run.mean("case_flow_lpm", 4)
     assert run.mean("suction_flow_lpm", 4) == pytest.approx(leaves, rel=1e-3)
     far = Scenario(0.05, condition, Health(slipper_leakage_scale=20.0))

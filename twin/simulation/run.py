@@ -61,8 +61,8 @@ _PIECE_S = 0.25
 ADVICE: dict[int, str] = {
     RUNNING: "ran to its end",
     DIVERGED: "the solution left the numbers: take a shorter step and look at what happens there",
-    CAVITATED: "a volume ran dry, its absolute pressure would lie below zero: the asked flow is more than the pump "
-    "delivers, give the load as an opening instead",
+    CAVITATED: "a volume ran dry: its absolute pressure would lie below zero, the asked flow is more than the pump "
+    "delivers; give the load as an opening instead",
 }
 
 
