@@ -125,7 +125,7 @@ class _Reader:
         if value is not None and (not isinstance(value, str) or value not in known):
             self.faults.append(f"{where} = {value!r} (known: {', '.join(known)})")
             return None
-        return value
+        return None if value is None else str(value)
 
     def section(self, data: Mapping[str, Any], name: str) -> dict[str, Any]:
         table = data.get(name, {})
