@@ -99,6 +99,7 @@ def trends_of_page(
     Invalid
         with every end that cannot be read, or where they lie the wrong way round.
     """
+    asker, system = reader
     whole = history_of(session, row)
     ends = _ends(look, whole.instant(-1) if len(whole) else datetime.now(UTC))
     seen = whole.between(ends.since, ends.until)
