@@ -70,7 +70,7 @@ class Counting:
         if planned.made is None:
             return False
         if not planned.made.is_whole:
-            self._settling.leave(planned.known.pump.id, cause)
+            self._settling.leave(planned.known.pump.id, row.operator, cause)
         refold_others(self._database, self._archive, planned.others, cause)
         return True
 
