@@ -2,7 +2,7 @@
 
 import json
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from datetime import timedelta
@@ -16,7 +16,7 @@ from sqlalchemy import select
 from detectors.words.observation import Observation
 from service.context import Context
 from service.monitoring import behind, refold
-from service.monitoring.folded import Folded
+from service.monitoring.folded import Folded, folded
 from service.monitoring.precedence import made_with
 from service.monitoring.renewal import Renewal, due_pumps
 from service.storage.tables import MaintenanceEvent, Pump, StoredAssessment, VerdictRevision
@@ -68,10 +68,11 @@ def test_a_record_that_comes_in_while_an_entry_is_folded(client: TestClient, mon
     context = client.app.state.context  # type: ignore[attr-defined]
     sent(client, 0)
     sent(client, 1)
-    original, made, between = refold.folded, [], [lambda: sent(client, 2), lambda: entered(client, "filter_changed")]
+    made: list[Folded] = []
+    between: list[Callable[[], object]] = [lambda: sent(client, 2), lambda: entered(client, "filter_changed")]
 
     def folded_slowly(*given: Any, **more: Any) -> Folded:
-        found = original(*given, **more)
+        found = folded(*given, **more)
         made.append(found)
         if between:
             between.pop(0)()
@@ -92,12 +93,12 @@ def test_nobody_waits_for_an_entry_that_is_folded(client: TestClient, monkeypatc
     context = client.app.state.context  # type: ignore[attr-defined]
     sent(client, 0)
     before = client.get(f"{API}/pumps/P-1/verdict").json()
-    original, folding, go_on = refold.folded, threading.Event(), threading.Event()
+    folding, go_on = threading.Event(), threading.Event()
 
     def folded_slowly(*given: Any, **more: Any) -> Folded:
         folding.set()
         assert go_on.wait(20.0)
-        return original(*given, **more)
+        return folded(*given, **more)
 
     monkeypatch.setattr(refold, "folded", folded_slowly)
     with ThreadPoolExecutor(2) as threads:

@@ -118,13 +118,13 @@ def test_words_among_the_records_conversions_and_invalid_samples() -> None:
     start = int(START.timestamp() * 1e9)
     header = file.block(b"##HD", [0] * 6, struct.pack("<QhhBBBBdd", start, 0, 0, 0, 0, 0, 0, 0.0, 0.0))
     file.link(header, 1, file.block(b"##FH", [0, 0], struct.pack("<QhhB3x", start, 0, 0, 0)))
-    words = [f"mode {i}".encode() * (1 + i % 3) for i in range(9)]
+    spoken = [f"mode {i}".encode() * (1 + i % 3) for i in range(9)]
     own = file.block(
-        b"##CG", [0] * 6, struct.pack("<QQHHIII", 3, len(words), 1, 0, 0, sum(4 + len(w) for w in words), 0)
+        b"##CG", [0] * 6, struct.pack("<QQHHIII", 3, len(spoken), 1, 0, 0, sum(4 + len(w) for w in spoken), 0)
     )
     text = _channel(file, 0, "mode", 1, 1, 0, 7, 0, data=own)
     clock = _channel(file, text, "time_s", 0, _MASTER, _TIME, _REAL, 0)
-    slow = file.block(b"##CG", [own, clock, 0, 0, 0, 0], struct.pack("<QQHHIII", 2, len(words), 0, 0, 0, 16, 0))
+    slow = file.block(b"##CG", [own, clock, 0, 0, 0, 0], struct.pack("<QQHHIII", 2, len(spoken), 0, 0, 0, 16, 0))
     halved = file.block(b"##CC", [0] * 4, struct.pack("<BBHHHdd2d", 1, 0, 0, 0, 2, 0.0, 0.0, -0.25, 0.5))
     after, names = 0, list(whole)
     for place, name in reversed(list(enumerate(names))):
@@ -137,8 +137,8 @@ def test_words_among_the_records_conversions_and_invalid_samples() -> None:
     records, place = [], 0
     for i, row in enumerate(np.column_stack(list(counted.values())).astype("<f8")):
         records.append(struct.pack("<H", 1) + row.tobytes() + bytes([1 << case if 20 <= i < 24 else 0]))
-        if i % 10 == 5 and i // 10 < len(words):
-            word = words[i // 10]
+        if i % 10 == 5 and i // 10 < len(spoken):
+            word = spoken[i // 10]
             records.append(struct.pack("<HI", 3, len(word)) + word)
             records.append(struct.pack("<HdQ", 2, whole["time_s"][i], place))
             place += 4 + len(word)
@@ -146,7 +146,7 @@ def test_words_among_the_records_conversions_and_invalid_samples() -> None:
     file.link(header, 0, file.block(b"##DG", [0, fast, data, 0], struct.pack("<B7x", 2)))
     content = bytes(file.content)
     raw = parsed(content, LIMITS)
-    assert [words.decode() for words in words] == next(t.texts["mode"] for t in raw.tables if "mode" in t.texts)
+    assert [word.decode() for word in spoken] == next(t.texts["mode"] for t in raw.tables if "mode" in t.texts)
     found = decode(content, "application/x-mdf4", "", METADATA, LIMITS).recording["case_pressure_bar"]
     expected = whole["case_pressure_bar"].copy()
     expected[20:24] = np.nan
