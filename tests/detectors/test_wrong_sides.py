@@ -53,8 +53,8 @@ def test_rivals_move_the_case_alike(name: str) -> None:
     """Who may wander less in what the sensor sees follows a slow change with less noise, record for record."""
     rival = NAMES.index(name)
     assert case_by_size(rival) == pytest.approx(case_by_size(LEAK), rel=0.05)
-    walk = np.sqrt(AMPLITUDE_VARIANCE[STEP]) / np.append(KINDS.scales[:-1], 1.0)
-    assert walk[rival] == pytest.approx(walk[LEAK])
+    wander = np.sqrt(AMPLITUDE_VARIANCE[STEP])
+    assert wander[rival] / KINDS.scales[rival] == pytest.approx(wander[LEAK] / KINDS.scales[LEAK])
 
 
 def filters_of(*rows: tuple[int, int, int, float, float]) -> Filters:
