@@ -142,7 +142,11 @@ FITTINGS, GAP = "fittings drain, orifice leak", "viscous drain, laminar leak"
             ((GAP, 2), (FITTINGS, 0), ("fittings drain, laminar leak", 2)),
             Side.SYSTEM,
         ),
-        ("wear of 1 L/min in flights 1 to 9", (("viscous drain, orifice leak", 3), (GAP, 3)), Side.SYSTEM),
+        (
+            "wear of 1 L/min in flights 1 to 9",
+            (("viscous drain, orifice leak", 2), ("viscous drain, orifice leak", 3)),
+            Side.SYSTEM,
+        ),
         ("uneven wear", ((FITTINGS, 0), (FITTINGS, 1)), Side.SYSTEM),
     ],
 )
