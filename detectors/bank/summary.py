@@ -127,7 +127,7 @@ def _reference(filters: Filters, f: int) -> float:
     onset = filters.onset[f]
     if filters.kind[f] < 0 or filters.shape[f] == ARRIVAL or onset < 0:
         return 1.0
-    return min(onset / _REFERENCE, 1.0)
+    return float(min(onset / _REFERENCE, 1.0))
 
 
 @compiled
