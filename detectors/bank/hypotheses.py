@@ -273,6 +273,7 @@ _WALK: dict[str, float] = {
     "ln_ripple": 0.001,
     "ln_case_ripple": 0.002,
     "once": 0.0005,
+    "answer": 0.0005,
     "load_case": 0.001,
     "load_case_square": 0.001,
     "load_warmth": 0.0005,
@@ -318,6 +319,7 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
         "ln_ripple": 0.2,
         "ln_case_ripple": 0.3,
         "once": 0.03,
+        "answer": 0.2,
         # of 1.2 bar that 20 L/min make in the return line, and of the 2 bar that they cost the regulated pressure
         "load_case": 0.15,
         "load_case_square": 0.15,

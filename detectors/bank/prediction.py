@@ -9,17 +9,21 @@ from detectors.bank.shapes import Array, Filters, Reading
 from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import (
     AMPLITUDE,
+    ANSWER,
     CASE_OFFSET,
     CASE_SPAN,
     LAW,
+    LN_LAMINAR,
     LN_RIPPLE,
+    LN_SLIPPER,
+    LN_VISCOSITY,
     N_COMPONENTS,
     N_LIVING,
     N_STATE,
     ONCE,
     RESERVOIR,
 )
-from detectors.expectation.reduced_twin import pressures
+from detectors.expectation.reduced_twin import SLIPPER_VISCOSITY, pressures
 from twin.compiled import compiled
 
 N_MEASURED = 6
@@ -29,6 +33,8 @@ DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
 N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
 """A slope for every place of the state, and after them one for every component that only a fault moves."""
 _P_R = COLUMN["reservoir"]
+_LEAST_RATIO = 0.05
+"""Of order n to the twin's below which no leakage brings it (our choice: it has no less than nothing)."""
 
 
 Expected = tuple[float, float, float]
@@ -77,13 +83,26 @@ def predicted(
     H[ZERO, CASE_OFFSET], H[ZERO, RESERVOIR], H[ZERO, place(CASE_SPAN)] = 1.0, span, reservoir
     if n_rows > RIPPLE:
         for r in range(2):
-            gain = math.exp(full[LN_RIPPLE + r])
             ratio = 1.0
             for j in range(N_COMPONENTS):
                 ratio += ripple[r, j] * full[j]
-                H[RIPPLE + r, place(j)] = gain * ripple[r, j]
-            y[RIPPLE + r] = gain * ratio
-            H[RIPPLE + r, place(LN_RIPPLE + r)] += gain * ratio
+            # lines follow what leaks, not its logarithm
+            by_slippers, by_laminar = ripple[r, LN_SLIPPER], ripple[r, LN_LAMINAR]
+            slippers, laminar = full[LN_SLIPPER] - SLIPPER_VISCOSITY * full[LN_VISCOSITY], full[LN_LAMINAR] - full[LN_VISCOSITY]
+            more_s, more_l = math.exp(slippers), math.exp(laminar)
+            ratio += by_slippers * (more_s - 1.0 - slippers) + by_laminar * (more_l - 1.0 - laminar)
+            ratio = max(ratio, _LEAST_RATIO)
+            answer = 1.0 + full[ANSWER]
+            line = math.exp(full[LN_RIPPLE + r]) * ratio**answer
+            for j in range(N_COMPONENTS):
+                H[RIPPLE + r, place(j)] = line * answer / ratio * ripple[r, j]
+            H[RIPPLE + r, place(LN_SLIPPER)] *= more_s
+            H[RIPPLE + r, place(LN_LAMINAR)] *= more_l
+            thinner = SLIPPER_VISCOSITY * by_slippers * (1.0 - more_s) + by_laminar * (1.0 - more_l)
+            H[RIPPLE + r, place(LN_VISCOSITY)] += line * answer / ratio * thinner
+            y[RIPPLE + r] = line
+            H[RIPPLE + r, place(LN_RIPPLE + r)] += line
+            H[RIPPLE + r, place(ANSWER)] += line * math.log(ratio)
         y[LINE] = abs(full[ONCE])
         H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
     for j in range(N_COMPONENTS):
