@@ -37,7 +37,7 @@ SLIPPER_VISCOSITY = 0.9
 """Exponent of slipper leakage in viscosity: between its land (1) and its throttle (0); the operating point of the H225 has 0.88
 to 0.92 from 40 to 90 degC."""
 _LEAST_WEIGHT = 0.1
-_UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE, c.ANSWER, c.CASE_SPAN)
+_UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE, c.CASE_RIPPLE_WARMTH, c.ANSWER, c.CASE_SPAN)
 """Components that move neither pressure."""
 
 
