@@ -89,7 +89,10 @@ def predicted(
                 ratio += ripple[r, j] * full[j]
             # lines follow what leaks, not its logarithm
             by_slippers, by_laminar = ripple[r, LN_SLIPPER], ripple[r, LN_LAMINAR]
-            slippers, laminar = full[LN_SLIPPER] - SLIPPER_VISCOSITY * full[LN_VISCOSITY], full[LN_LAMINAR] - full[LN_VISCOSITY]
+            slippers, laminar = (
+                full[LN_SLIPPER] - SLIPPER_VISCOSITY * full[LN_VISCOSITY],
+                full[LN_LAMINAR] - full[LN_VISCOSITY],
+            )
             more_s, more_l = math.exp(slippers), math.exp(laminar)
             ratio += by_slippers * (more_s - 1.0 - slippers) + by_laminar * (more_l - 1.0 - laminar)
             ratio = max(ratio, _LEAST_RATIO)

@@ -158,7 +158,9 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     case = points.value("case_temperature_degc") + KELVIN_AT_0_DEGC
     put("viscosity_ratio", np.array([drain_viscosity_ratio(drive, fluid, circuit.Q_ref, T) for T in case]))
     per_pascal = np.array([throttling_heating(fluid, T, 1.0, 0.0) for T in kelvin])
-    per_kelvin = np.array([math.log(kinematic_viscosity(fluid, T - 0.5) / kinematic_viscosity(fluid, T + 0.5)) for T in case])
+    per_kelvin = np.array(
+        [math.log(kinematic_viscosity(fluid, T - 0.5) / kinematic_viscosity(fluid, T + 0.5)) for T in case]
+    )
     put("friction_warmth", per_kelvin * (case - kelvin - per_pascal * PA_PER_BAR * difference))
     put("heat_flow", drive.case_conductance * per_pascal / M3_PER_S_PER_LPM)
     warmer = kelvin - circuit.T_ref

@@ -371,7 +371,10 @@ def test_a_viscous_drain_is_as_thick_as_the_case_s_fluid() -> None:
     rows = flights.rows.reshape(-1, len(INPUTS))
     warm = operating_points(pump.pump, rows, circuit).value("case_temperature_degc").reshape(n, 60)
     assert (warm - flights.temperature > 10.0).all()
-    batch = flights.rows[:, :1, INPUTS.index("piston_leakage_scale")] / flights.rows[..., INPUTS.index("piston_leakage_scale")]
+    batch = (
+        flights.rows[:, :1, INPUTS.index("piston_leakage_scale")]
+        / flights.rows[..., INPUTS.index("piston_leakage_scale")]
+    )
     thick = np.log(drain_viscosity(pump, circuit, warm) * batch)
     for x, scale in zip(thick, flights.rows[..., INPUTS.index("drain_resistance_scale")], strict=True):
         (exponent, _), left, *_ = np.polyfit(x, np.log(scale), 1, full=True)

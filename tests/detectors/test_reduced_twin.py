@@ -98,7 +98,7 @@ def test_pressures_of_every_fault_are_those_of_the_operating_point(
 def test_a_leak_of_any_size_lifts_the_case_as_in_the_operating_point(circuit_name: str, celsius: float) -> None:
     """What leaks cools the case, which friction warms, and makes a viscous drain more resistant.
 
-    Within 2 % of the rise from 0.25 to 2 L/min (a case held at the nominal pump's temperature: up to 25 %).
+    Within 2.5 % of the rise from 0.25 to 2 L/min (a case held at the nominal pump's temperature: up to 25 %).
     """
     circuit, asked = circuit_parameters(circuit_name), Condition(4600.0, celsius, 0.5)
     (row,), _ = anchors([asked], PUMP, circuit)
@@ -115,7 +115,7 @@ def test_a_leak_of_any_size_lifts_the_case_as_in_the_operating_point(circuit_nam
     true = points.value("case_pressure_bar")
     warm = points.value("case_temperature_degc")
     assert (np.diff(warm) < 0.0).all()
-    assert np.array(cases) - cases[0] == pytest.approx(true - true[0], rel=0.02, abs=0.001)
+    assert np.array(cases) - cases[0] == pytest.approx(true - true[0], rel=0.025, abs=0.001)
 
 
 def test_the_nominal_pump_is_the_operating_point_itself() -> None:
