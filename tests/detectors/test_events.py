@@ -24,9 +24,9 @@ from twin.condition import Health
 THRESHOLDS = effective({})
 OF_PUMP = {
     *("ln_slipper", "ln_laminar", "throttled", "bleed", "slipper_extra", "laminar_extra"),
-    *("softening", "ln_droop"),
+    *("softening", "ln_droop", "case_ripple_warmth", "answer"),
 }
-"""What wears and what regulates sits in the housing."""
+"""What wears, what regulates, and how its lines follow both sits in the housing."""
 OF_DRAIN = {"ln_drain", "drain_viscosity", "drain_flow", "drain_extra", "drain_viscous", "drain_orifice"}
 OF_POSITION = OF_DRAIN | {
     *("system_orifice", "system_laminar", "case_warmth"),
