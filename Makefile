@@ -6,6 +6,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 PYTEST_ARGS ?=
 IMAGES ?=
+# compiling every module anew, and every test's assertions, would cost each process of the tests twenty seconds
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help demo test test-fast study lint format types imports migrations hooks containers pages supply serve mutants clean tools
 

@@ -5,6 +5,7 @@ import os
 import shutil
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ import structlog
 
 from service.storage.database import upgrade
 from tests.fast_selection import mark_fast
-from tests.postgres import binary, cluster, create_database
+from tests.postgres import Emptied, binary, cluster, create_database
 
 KINDS = ["sqlite", "postgres"]
 _numbers = itertools.count(1)
@@ -21,6 +22,9 @@ _numbers = itertools.count(1)
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     mark_fast(items)
+    for item in items:
+        if item.get_closest_marker("postgres_in_study") and "postgres" in item.nodeid.partition("[")[2]:
+            item.add_marker(pytest.mark.study)
 
 
 @pytest.fixture(scope="session")
@@ -67,10 +71,30 @@ def new_database(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
     return made
 
 
+@pytest.fixture(scope="session")
+def lent_postgres(new_database: Callable[[str], str]) -> Callable[[], AbstractContextManager[str]]:
+    """Lends a migrated Postgres database for one test; what a test has left as it can be is emptied for the next."""
+    emptied = Emptied(new_database("postgres"))
+    free: list[str] = []
+
+    @contextmanager
+    def lent() -> Iterator[str]:
+        url = free.pop() if free else new_database("postgres")
+        yield url
+        if emptied.again(url):
+            free.append(url)
+
+    return lent
+
+
 @pytest.fixture(params=KINDS)
-def database_url(request: pytest.FixtureRequest, new_database: Callable[[str], str]) -> str:
-    """A fresh, migrated database of each kind."""
-    return new_database(request.param)
+def database_url(request: pytest.FixtureRequest, new_database: Callable[[str], str]) -> Iterator[str]:
+    """A migrated database of each kind without rows, the test's own while it runs."""
+    if request.param == "sqlite":
+        yield new_database("sqlite")
+    else:
+        with request.getfixturevalue("lent_postgres")() as url:
+            yield url
 
 
 # the default renderer draws tracebacks with every local variable: half a minute for one that reaches the twin

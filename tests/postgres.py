@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 
 def binary(name: str) -> str | None:
@@ -87,3 +88,56 @@ def create_database(url: str, name: str, template: str = "template1") -> str:
     with psycopg.connect(f"host={socket} user=casedrain dbname=postgres", autocommit=True) as connection:
         connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')  # type: ignore[arg-type]
     return url.format(name=name)
+
+
+_OTHERS = """
+select (select count(*) from pg_stat_activity where datname = current_database() and pid <> pg_backend_pid()
+          and backend_type = 'client backend')
+     + (select count(*) from pg_namespace where nspname !~ '^pg_' and nspname not in ('public', 'information_schema'))
+"""
+_TABLES = "select tablename from pg_tables where schemaname = 'public' order by 1"
+_RESTARTED = """
+select setval(format('public.%I', sequencename)::regclass, start_value, false)
+from pg_sequences where schemaname = 'public' and last_value is not null
+"""
+
+
+class Emptied:
+    """Makes a database what it was: rows out, those of the migrated one in. A tenth of what a new database costs.
+
+    ``migrated`` is the URL of a database with all migrations, to which nobody is connected.
+    """
+
+    def __init__(self, migrated: str) -> None:
+        with _connected(migrated) as connection:
+            self._tables = [name for (name,) in connection.execute(_TABLES)]
+            self._rows = {name: self._found(connection, name) for name in self._tables}
+
+    def again(self, url: str) -> bool:
+        """Whether it could be made so: nobody is connected, it has these tables and this revision, and no schema beside them."""
+        with _connected(url) as connection:
+            if connection.execute(_OTHERS).fetchone() != (0,):
+                return False
+            if [name for (name,) in connection.execute(_TABLES)] != self._tables:
+                return False
+            if self._found(connection, "alembic_version") != self._rows["alembic_version"]:
+                return False
+            connection.execute("set session_replication_role = replica")
+            connection.execute("; ".join(f'delete from "{name}"' for name in self._tables))
+            for name, rows in self._rows.items():
+                if rows is not None:
+                    put = f'insert into "{name}" select * from jsonb_populate_recordset(null::"{name}", %s::jsonb)'
+                    connection.execute(put, [rows])
+            connection.execute(_RESTARTED)
+        return True
+
+    @staticmethod
+    def _found(connection: Any, table: str) -> str | None:
+        found: str | None = connection.execute(f'select jsonb_agg(t)::text from "{table}" t').fetchone()[0]
+        return found
+
+
+def _connected(url: str) -> Any:
+    import psycopg
+
+    return psycopg.connect(url.replace("+psycopg", ""), autocommit=True)

@@ -86,6 +86,7 @@ def test_false_alarms_come_as_rarely_as_wanted(chart: Chart[Any]) -> None:
     assert arl == pytest.approx(ARL, rel=0.12)
 
 
+@pytest.mark.study
 def test_delay_is_near_the_bound(chart: Chart[Any]) -> None:
     rng = np.random.default_rng(12)
     lengths = run_lengths(chart, (x + SHIFT for x in independent_normal(rng, 1000)), 1000, 400)

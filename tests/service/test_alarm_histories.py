@@ -96,6 +96,7 @@ STEPS = st.lists(
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(STEPS)
+@pytest.mark.postgres_in_study
 def test_any_way_to_a_history(database: Database, steps: list[tuple[str, str | None]]) -> None:
     with database.writing() as session:
         for table in (AlarmAction, Alarm):

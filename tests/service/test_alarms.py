@@ -225,6 +225,7 @@ def test_histories_older_than_alarms_catch_up(database_url: str, tmp_path: Path)
     assert [a["pump_serial"] for a in items] == ["P-1"]
 
 
+@pytest.mark.postgres_in_study
 def test_a_worn_pump_raises_one_alarm_whatever_the_order(client: TestClient, worn_records: list[DemoRecord]) -> None:
     for record in [*worn_records[1::2], *worn_records[::2]]:
         client.post("/api/v1/records", content=record.content, headers={"content-type": "text/csv"})

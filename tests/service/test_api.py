@@ -160,6 +160,7 @@ def test_an_empty_fleet_is_a_page_too(client: TestClient) -> None:
     assert "No pump has sent a record yet" in client.get("/").text
 
 
+@pytest.mark.postgres_in_study
 def test_the_fleet_page_has_pages(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every pump stands on one page, and a page that is not there is the nearest one."""
     monkeypatch.setattr("service.web.dashboard.fleet._PUMPS_PER_PAGE", 3)

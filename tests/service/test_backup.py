@@ -90,6 +90,7 @@ def kind_of(url: str) -> str:
     return "sqlite" if url.startswith("sqlite") else "postgres"
 
 
+@pytest.mark.study
 def test_what_was_backed_up_under_load_comes_back(
     database_url: str, new_database: Callable[[str], str], tmp_path: Path
 ) -> None:

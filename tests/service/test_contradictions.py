@@ -6,6 +6,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
+import pytest
 from fastapi.testclient import TestClient
 
 from service.history.contradictions import (
@@ -156,6 +157,7 @@ def test_a_lost_clock_is_refused_and_changes_nothing(client: TestClient) -> None
     assert post(client, flight(20)).status_code == 201
 
 
+@pytest.mark.postgres_in_study
 def test_contradictions_are_said_in_any_order_of_arrival(settings: Settings, tmp_path: Any, new_database: Any) -> None:
     """One flight twice, and two pumps in one place at one time."""
     records = [

@@ -91,6 +91,7 @@ def sent(client: TestClient, n: int, at: datetime, hours: float) -> Any:
 
 @pytest.mark.parametrize("lost", [datetime(2026, 4, 2, tzinfo=UTC), datetime(2006, 1, 1, tzinfo=UTC)])
 @pytest.mark.parametrize("comes", ["first", "last"])
+@pytest.mark.postgres_in_study
 def test_a_wrong_date_in_front_of_a_history_is_found_by_those_behind_it(
     client: TestClient, lost: datetime, comes: str
 ) -> None:

@@ -52,6 +52,7 @@ def rms(residuals: list[dict[str, float]]) -> float:
     return math.sqrt(sum(r["residual"] ** 2 for r in residuals) / len(residuals))
 
 
+@pytest.mark.postgres_in_study
 def test_the_aircraft_s_fluid_is_the_twin_s(client: TestClient, thin_records: list[DemoRecord]) -> None:
     client.post(f"{API}/aircraft", json={"aircraft": "F-87", "fluid": THIN})
     ids = sent(client, thin_records)

@@ -52,6 +52,7 @@ def asked() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.postgres_in_study
 def test_every_address_leads_to_the_pump(client: TestClient, name: str) -> None:
     content = {**document(), "pump_serial": name, "aircraft": name, "position": name, "flight_id": name}
     stored = client.post(f"{API}/records", content=body(content), headers=JSON)

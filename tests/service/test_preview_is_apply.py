@@ -4,6 +4,7 @@ import itertools
 from datetime import datetime
 from typing import Any
 
+import pytest
 from fastapi.testclient import TestClient
 from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
@@ -53,6 +54,7 @@ def meet(a: dict[str, Any], b: dict[str, Any]) -> bool:
     return starts_within(a, b) or starts_within(b, a)
 
 
+@pytest.mark.study
 def test_preview_is_apply(client: TestClient) -> None:
     context = client.app.state.context  # type: ignore[attr-defined]
     moved: list[str] = []

@@ -416,7 +416,7 @@ def test_changes_that_meet_lose_nothing(client: TestClient) -> None:
         circuit = ("shared_return", "separate_drain")[i % 2]
         return client.patch(f"{API}/aircraft/F-1", json={"circuit": circuit}).status_code
 
-    tasks = [*((send, n) for n in range(16)), *((install, i) for i in range(4)), *((repaint, i) for i in range(6))]
+    tasks = [*((send, n) for n in range(12)), *((install, i) for i in range(4)), *((repaint, i) for i in range(6))]
     random.Random(3).shuffle(tasks)
     with ThreadPoolExecutor(8) as pool:
         statuses = list(pool.map(lambda task: task[0](task[1]), tasks))

@@ -126,6 +126,7 @@ class TestTenancy:
         ("role", "finding", "registry", "operators"),
         [("viewer", 403, 403, 403), ("analyst", 201, 403, 403), ("engineer", 201, 201, 403), ("admin", 201, 201, 200)],
     )
+    @pytest.mark.postgres_in_study
     def test_roles(self, guarded: TestClient, role: str, finding: int, registry: int, operators: int) -> None:
         filled(guarded, "north")
         headers = key(guarded, role, "north")

@@ -168,6 +168,7 @@ def without_none(items: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{k: v for k, v in item.items() if k not in ("fluid", "channel") or v is not None} for item in items]
 
 
+@pytest.mark.postgres_in_study
 def test_every_record_shows_what_it_showed(replayed: Replayed) -> None:
     """Status, windows and residuals."""
     found = {i: replayed.get(f"/records/{i}") for i in replayed.said["records"]}

@@ -326,6 +326,7 @@ def test_the_code_of_a_reduction_holds_what_it_needs_and_no_release() -> None:
     assert not any(name.startswith("service") for name in judged)
 
 
+@pytest.mark.postgres_in_study
 def test_a_renewal_notes_its_cause(
     worn_client: TestClient, worn_records: list[DemoRecord], other_code: Callable[[], None]
 ) -> None:

@@ -53,6 +53,7 @@ def alarms(client: TestClient) -> list[datetime]:
     ]
 
 
+@pytest.mark.postgres_in_study
 def test_an_earlier_version_of_the_thresholds(client: TestClient) -> None:
     context = client.app.state.context  # type: ignore[attr-defined]
     store(context, FLIGHTS[:-2], "P-1", "default")

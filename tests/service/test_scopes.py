@@ -40,6 +40,7 @@ def _resolver(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.notifications.guard._resolved", lambda *_: ["93.184.215.14"])
 
 
+@pytest.mark.postgres_in_study
 def test_a_key_does_what_it_is_for_and_nothing_else(database_url: str, tmp_path: Path) -> None:
     with guarded_client(database_url, tmp_path) as client:
         ids = seeded(client, "north", "P-1")

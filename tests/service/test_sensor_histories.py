@@ -94,6 +94,7 @@ def verdicts(flights: list[bytes], lie: Callable[[Channels], None], folder: Path
 
 
 @pytest.mark.parametrize("name", LIES)
+@pytest.mark.postgres_in_study
 def test_a_lying_sensor_is_named_and_nobody_else(name: str, flights: list[bytes], tmp_path: Path) -> None:
     lie, channels = LIES[name]
     said = verdicts(flights, lie, tmp_path)

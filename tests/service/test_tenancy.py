@@ -50,6 +50,7 @@ WITH_CHARTS = {("GET", "/pumps/{serial}"), ("GET", "/records/{record_id}")}
 
 class TestRoles:
     @pytest.mark.parametrize("role", [None, *ROLES])
+    @pytest.mark.postgres_in_study
     def test_who_may(self, database_url: str, tmp_path: Path, role: str | None) -> None:
         with guarded_client(database_url, tmp_path) as client:
             names = seeded(client, "north", "NORTH-1")
@@ -68,6 +69,7 @@ class TestRoles:
                     wrong.append((method, path, status))
             assert wrong == []
 
+    @pytest.mark.postgres_in_study
     def test_pages_ask_for_a_session_of_their_role(self, database_url: str, tmp_path: Path) -> None:
         pages = [route for route in ROUTES if MATRIX[route].role == PAGE]
         with guarded_client(database_url, tmp_path) as client:
@@ -100,6 +102,7 @@ class TestRoles:
                 ]
                 assert len(set(titles)) == len(titles)
 
+    @pytest.mark.postgres_in_study
     def test_what_is_open_holds_no_data(self, database_url: str, tmp_path: Path) -> None:
         with guarded_client(database_url, tmp_path) as client:
             names = seeded(client, "aquilo", "AQ-4711")
@@ -109,6 +112,7 @@ class TestRoles:
                     text = sent(client, method, MATRIX[method, path], names).text.lower()
                     assert [t for t in told if t.lower() in text] == [], path
 
+    @pytest.mark.postgres_in_study
     def test_every_change_leaves_an_entry_in_the_audit_log(self, database_url: str, tmp_path: Path) -> None:
         with guarded_client(database_url, tmp_path) as client:
             names = seeded(client, "north", "NORTH-1")
@@ -150,6 +154,7 @@ class TestOperators:
                 found[method, path] = (answer.status_code, normal(answer.text, foreign))
         return found
 
+    @pytest.mark.postgres_in_study
     def test_nothing_of_the_other_is_seen_or_done(self, database_url: str, tmp_path: Path) -> None:
         with guarded_client(database_url, tmp_path / "both") as client:
             north = seeded(client, "north", "NORTH-1")

@@ -121,6 +121,7 @@ def test_a_leak_is_a_change_of_open_cause_and_health_stays_health(rig: TestClien
     assert "Do not replace the pump on this" in verdict["advice"]
 
 
+@pytest.mark.postgres_in_study
 def test_a_cycle_that_still_warms_is_not_judged_and_the_verdict_says_so(rig: TestClient) -> None:
     rng = np.random.default_rng(8)
     before = healthy_before(rng)

@@ -18,6 +18,7 @@ from tests.service.mutations import Mutations, Referee, answered
 N_CASES = 250
 
 
+@pytest.mark.postgres_in_study
 def test_wrong_requests_are_refused_as_the_document_says(
     database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
