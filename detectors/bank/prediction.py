@@ -211,7 +211,7 @@ def _below(flows: Array, spreads: Array, shares: Array, limit: float) -> float:
 @compiled
 def _quantile(flows: Array, spreads: Array, shares: Array, share: float) -> float:
     """Where that share of a mixture of normal laws lies below, by halving to 1e-4 of what its parts span."""
-    low, high = (flows - 4.0 * spreads).min(), (flows + 4.0 * spreads).max()
+    low, high = float((flows - 4.0 * spreads).min()), float((flows + 4.0 * spreads).max())
     for _ in range(14):
         middle = 0.5 * (low + high)
         if _below(flows, spreads, shares, middle) < share:
