@@ -77,6 +77,8 @@ def refold(
     made = folded(session, pump, archive, from_scratch=from_scratch)
     pump.pump_type = made.found.kind
     take_over(pump, whole=True)
+    pump.standing, pump.standing_at = _kept_standing(made), pump.revision
+    pump.standing_link = made.links[-1] if made.links else None
     kept(session, pump, made, archive, cause)
 
 
@@ -179,12 +181,19 @@ def claimed(session: Session, known: Dossier, made: Folded, *conditions: ColumnE
         "look": look_of(pump.serial),
         "made_by": release_number(),
         "made_with": made_with() if made.is_whole else None,
+        "standing": _kept_standing(made),
+        "standing_at": Pump.revision + 1 if made.is_whole else None,
+        "standing_link": made.links[-1] if made.links else None,
     }
     if made.alone_at:
         conditions = (*conditions, nobody_else_at(pump, made.alone_at))
     wanted = update(Pump).where(Pump.id == pump.id, Pump.revision == pump.revision, is_ours, *conditions).values(values)
     taken = session.execute(wanted.execution_options(synchronize_session=False))
     return cast("CursorResult[Any]", taken).rowcount == 1
+
+
+def _kept_standing(made: Folded) -> dict[str, Any] | None:
+    return made.standing.to_json() if made.standing else None
 
 
 def outside_unchanged(known: Dossier) -> list[ColumnElement[bool]]:

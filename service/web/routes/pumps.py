@@ -22,11 +22,10 @@ from service.monitoring.refold import Cause, refold_others, verdict_known_at
 from service.monitoring.succession import taken_over
 from service.reading import queries
 from service.reading.curve import curve_of
-from service.reading.fleet import pump_documents, pumps_standing
+from service.reading.fleet import pump_documents, pumps_standing, silent_pumps
 from service.reading.forecast import forecast_of, with_crossing
 from service.reading.ranking import ranked
 from service.reading.raster import png_of
-from service.reading.silence import silent_pumps
 from service.reading.trend import METRICS, check_metric, trend_of
 from service.registry import pumps as registry
 from service.registry.fields import Instant
@@ -70,8 +69,7 @@ class Filters:
         """The same as the reading takes it; who is silent is looked up only where it is asked for."""
         silent: frozenset[int] = frozenset()
         if self.silent is not None:
-            ids = [pump.id for pump in session.scalars(queries.pumps(asker))]
-            silent = frozenset(silent_pumps(session, ids, datetime.now(UTC)))
+            silent = silent_pumps(session, queries.listed(session, asker))
         return queries.WantedPumps(self.state, self.side, self.aircraft, self.type, self.priority, self.silent, silent)
 
 
