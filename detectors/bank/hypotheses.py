@@ -282,6 +282,8 @@ _WALK: dict[str, float] = {
     "ln_ripple": 0.001,
     "ln_case_ripple": 0.002,
     "once": 0.0005,
+    "case_ripple_warmth": 0.0005,
+    "answer": 0.0005,
     "load_case": 0.001,
     "load_case_square": 0.001,
     "load_warmth": 0.0005,
@@ -307,6 +309,8 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
     mean[PLACE["system_orifice"]] = mean[PLACE["system_laminar"]] = 0.2
     mean[PLACE["drain_viscosity"]] = mean[PLACE["drain_flow"]] = 0.2
     mean[PLACE["once"]] = 0.03
+    # droop lifts the case's line of a cold pump whichever way it differs (surfaces over the droops of the population)
+    mean[PLACE["case_ripple_warmth"]] = -0.02
     spread = {
         "ln_slipper": population["pump_leakage_scale"].value,
         "ln_laminar": population["pump_leakage_scale"].value,
@@ -327,6 +331,8 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
         "ln_ripple": 0.2,
         "ln_case_ripple": 0.3,
         "once": 0.03,
+        "case_ripple_warmth": 0.02,
+        "answer": 0.2,
         # of 1.2 bar that 20 L/min make in the return line, and of the 2 bar that they cost the regulated pressure
         "load_case": 0.15,
         "load_case_square": 0.15,

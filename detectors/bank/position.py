@@ -86,14 +86,7 @@ def position_of(bank: Bank, whole: Array, by_prior: Array) -> Position:
     """
     filters, n = bank.filters, bank.n
     kind, shape = filters.kind[:n], filters.shape[:n]
-    nothing = _IS_HEALTHY[kind] | (shape == ARRIVAL)
-    shares = np.zeros((2, n))
-    healthy = float(whole[nothing].sum())
-    for way in (STATED, ALIKE):
-        among = float(by_prior[way, ~nothing].sum())
-        shares[way, nothing] = whole[nothing]
-        if among > 0.0:
-            shares[way, ~nothing] = (1.0 - healthy) * by_prior[way, ~nothing] / among
+    shares = shares_of(bank, whole, by_prior)
     stays = _STAYS[kind] >= 0
     none = np.flatnonzero(~stays & (kind != _OTHER))
     by_none = np.maximum(shares[:, none].sum(axis=1), 1.0e-12)
@@ -109,6 +102,23 @@ def position_of(bank: Bank, whole: Array, by_prior: Array) -> Position:
         faults.append(PositionFault(k, form, stated, alike, mean, covariance, int(filters.shown[best])))
     mean, covariance = _together(bank, none, shares[:, none].mean(axis=0))
     return Position(mean, covariance, tuple(faults), _blamed(bank))
+
+
+def shares_of(bank: Bank, whole: Array, by_prior: Array) -> Array:
+    """Shares of a bank's filters under either prior, shape (2, m), arguments as in ``position_of``.
+
+    Whether anything changed follows from all that the data say, which cause from the tempered likelihood.
+    """
+    filters, n = bank.filters, bank.n
+    nothing = _IS_HEALTHY[filters.kind[:n]] | (filters.shape[:n] == ARRIVAL)
+    shares = np.zeros((2, n))
+    healthy = float(whole[nothing].sum())
+    for way in (STATED, ALIKE):
+        among = float(by_prior[way, ~nothing].sum())
+        shares[way, nothing] = whole[nothing]
+        if among > 0.0:
+            shares[way, ~nothing] = (1.0 - healthy) * by_prior[way, ~nothing] / among
+    return shares
 
 
 def settle(bank: Bank, known: Position) -> None:

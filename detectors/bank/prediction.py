@@ -9,17 +9,22 @@ from detectors.bank.shapes import Array, Filters, Reading
 from detectors.expectation.anchor import COLUMN
 from detectors.expectation.components import (
     AMPLITUDE,
+    ANSWER,
     CASE_OFFSET,
+    CASE_RIPPLE_WARMTH,
     CASE_SPAN,
     LAW,
+    LN_LAMINAR,
     LN_RIPPLE,
+    LN_SLIPPER,
+    LN_VISCOSITY,
     N_COMPONENTS,
     N_LIVING,
     N_STATE,
     ONCE,
     RESERVOIR,
 )
-from detectors.expectation.reduced_twin import pressures
+from detectors.expectation.reduced_twin import SLIPPER_VISCOSITY, pressures
 from twin.compiled import compiled
 
 N_MEASURED = 6
@@ -28,7 +33,9 @@ DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
 
 N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
 """A slope for every place of the state, and after them one for every component that only a fault moves."""
-_P_R = COLUMN["reservoir"]
+_P_R, _WARMTH = COLUMN["reservoir"], COLUMN["warmth"]
+_LEAST_RATIO = 0.05
+"""Of order n to the twin's below which no leakage brings it (our choice: it has no less than nothing)."""
 
 
 Expected = tuple[float, float, float]
@@ -77,13 +84,31 @@ def predicted(
     H[ZERO, CASE_OFFSET], H[ZERO, RESERVOIR], H[ZERO, place(CASE_SPAN)] = 1.0, span, reservoir
     if n_rows > RIPPLE:
         for r in range(2):
-            gain = math.exp(full[LN_RIPPLE + r])
             ratio = 1.0
             for j in range(N_COMPONENTS):
                 ratio += ripple[r, j] * full[j]
-                H[RIPPLE + r, place(j)] = gain * ripple[r, j]
-            y[RIPPLE + r] = gain * ratio
-            H[RIPPLE + r, place(LN_RIPPLE + r)] += gain * ratio
+            # lines follow what leaks, not its logarithm
+            by_slippers, by_laminar = ripple[r, LN_SLIPPER], ripple[r, LN_LAMINAR]
+            slippers, laminar = (
+                full[LN_SLIPPER] - SLIPPER_VISCOSITY * full[LN_VISCOSITY],
+                full[LN_LAMINAR] - full[LN_VISCOSITY],
+            )
+            more_s, more_l = math.exp(slippers), math.exp(laminar)
+            ratio += by_slippers * (more_s - 1.0 - slippers) + by_laminar * (more_l - 1.0 - laminar)
+            ratio = max(ratio, _LEAST_RATIO)
+            answer = 1.0 + full[ANSWER]
+            gain = full[LN_RIPPLE + r] + r * anchor[_WARMTH] * full[CASE_RIPPLE_WARMTH]
+            line = math.exp(gain) * ratio**answer
+            for j in range(N_COMPONENTS):
+                H[RIPPLE + r, place(j)] = line * answer / ratio * ripple[r, j]
+            H[RIPPLE + r, place(LN_SLIPPER)] *= more_s
+            H[RIPPLE + r, place(LN_LAMINAR)] *= more_l
+            thinner = SLIPPER_VISCOSITY * by_slippers * (1.0 - more_s) + by_laminar * (1.0 - more_l)
+            H[RIPPLE + r, place(LN_VISCOSITY)] += line * answer / ratio * thinner
+            y[RIPPLE + r] = line
+            H[RIPPLE + r, place(LN_RIPPLE + r)] += line
+            H[RIPPLE + r, place(CASE_RIPPLE_WARMTH)] += r * anchor[_WARMTH] * line
+            H[RIPPLE + r, place(ANSWER)] += line * math.log(ratio)
         y[LINE] = abs(full[ONCE])
         H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
     for j in range(N_COMPONENTS):
@@ -152,20 +177,45 @@ def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) 
 @compiled
 def mean_case_flow(
     filters: Filters, weights: Array, directions: Array, anchor: Array, least: float, limit: float, widening: float
-) -> tuple[float, float, float]:
-    """Case flow at an anchor over the filters with at least a ``least`` share: mean, standard deviation, and how likely it
-    lies beyond a limit [L/min], each filter's own spread widened.
+) -> tuple[float, float, float, float]:
+    """Case flow at an anchor over the filters with at least a ``least`` share: mean, 5 and 95 % quantiles of the mixture,
+    and how likely it lies beyond a limit [L/min], each filter's own spread widened.
+
+    Where causes disagree there are several levels: two standard deviations round their mean may hold none of them.
     """
-    whole, first, second, beyond = 0.0, 0.0, 0.0, 0.0
+    flows, spreads, shares = np.empty(len(weights)), np.empty(len(weights)), np.empty(len(weights))
+    n, whole, mean = 0, 0.0, 0.0
     most = weights.max()
     for f in range(len(weights)):
         if weights[f] < min(least, most):
             continue
         flow, variance = case_flow(filters.mean[f], filters.covariance[f], directions[filters.kind[f]], anchor)
+        flows[n], spreads[n], shares[n] = flow, widening * math.sqrt(max(variance, 1.0e-12)), weights[f]
         whole += weights[f]
-        first += weights[f] * flow
-        second += weights[f] * (variance + flow * flow)
-        spread = widening * math.sqrt(max(variance, 1.0e-12))
-        beyond += weights[f] * 0.5 * math.erfc((limit - flow) / (spread * math.sqrt(2.0)))
-    first /= whole
-    return first, math.sqrt(max(second / whole - first * first, 0.0)), beyond / whole
+        mean += weights[f] * flow
+        n += 1
+    flows, spreads, shares = flows[:n], spreads[:n], shares[:n] / whole
+    low, high = _quantile(flows, spreads, shares, 0.05), _quantile(flows, spreads, shares, 0.95)
+    return mean / whole, low, high, 1.0 - _below(flows, spreads, shares, limit)
+
+
+@compiled
+def _below(flows: Array, spreads: Array, shares: Array, limit: float) -> float:
+    """Share of a mixture of normal laws that lies below a limit."""
+    total = 0.0
+    for i in range(len(flows)):
+        total += shares[i] * 0.5 * math.erfc((flows[i] - limit) / (spreads[i] * math.sqrt(2.0)))
+    return total
+
+
+@compiled
+def _quantile(flows: Array, spreads: Array, shares: Array, share: float) -> float:
+    """Where that share of a mixture of normal laws lies below, by halving to 1e-4 of what its parts span."""
+    low, high = float((flows - 4.0 * spreads).min()), float((flows + 4.0 * spreads).max())
+    for _ in range(14):
+        middle = 0.5 * (low + high)
+        if _below(flows, spreads, shares, middle) < share:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)

@@ -40,8 +40,9 @@ LOG_ARRIVAL = float(np.log(0.1))
 RAMP_RECORDS = 12.0
 """Records in which a ramp of one sigma grows by a fault's scale: fits 0.04 L/min a flight, and does not punish 0.004 (estimate)."""
 LOG_PRIORS = log_priors(LOG_ARRIVAL)
-_AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0, 0.03, 0.0])
-"""Walk of a fault's amplitude from record to record by shape, as a share of its scale."""
+_AMPLITUDE_WALK = np.array([0.03, 0.03, 0.0, 0.03, 0.0])
+"""Walk of a fault's amplitude from record to record by shape, as a share of its scale. Growth stops: a ramp that could leave
+its rate by 1 % only went on for ten flights, and the drain's law was bent to hold it."""
 _RATE_WALK = 0.1
 """Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
 MOST_ONSETS = np.zeros((N_SHAPES, N_KINDS), dtype=np.int64)

@@ -15,13 +15,15 @@ from detectors.expectation.reduced_twin import SLIPPER_VISCOSITY
 from twin.condition import INPUTS, Health
 from twin.laws.fluid import kinematic_viscosity
 from twin.operating_point import operating_points
+from twin.operating_point.equations import drain_viscosity_ratio
 from twin.parameters import Circuit, PumpType
 from twin.units import KELVIN_AT_0_DEGC
 
 Array = NDArray[np.float64]
 
 DIFFERENCES: tuple[str, ...] = (
-    "drain law: k_c ~ nu^n with n drawn from 0 to 0.6, or a nu Q + b Q^2 with a's share drawn from 0.2 to 0.8; "
+    "drain law: k_c ~ nu^n, nu of the case's warmed fluid, with n drawn from 0 to 0.6, or a nu Q + b Q^2 with a's share drawn "
+    "from 0.2 to 0.8; "
     "the judge: constant, pipe and fitting parts with weights of its own",
     "droop 0.01 to 0.3 bar/(L/min), log-uniform over pumps; the judge: 0.15 times or over 2, unknown",
     "system leakage by an orifice or by a laminar gap",
@@ -107,6 +109,14 @@ def viscosity_ratio(pump: PumpType, celsius: Array, batch: Array) -> Array:
     return np.asarray(np.interp(celsius, table, nu) / nu_50 * batch)
 
 
+def drain_viscosity(pump: PumpType, circuit: Circuit, case_celsius: Array) -> Array:
+    """Viscosity of the case's fluid over that of the reference bench, whose case is warmed as well."""
+    fluid, drive = pump.pump.fluid, pump.pump.drive
+    table = np.arange(-20.0, 181.0, 0.5)
+    ratio = [drain_viscosity_ratio(drive, fluid, circuit.Q_ref, t + KELVIN_AT_0_DEGC) for t in table]
+    return np.asarray(np.interp(case_celsius, table, ratio))
+
+
 def fleet(
     reality: Reality,
     pump: PumpType,
@@ -170,7 +180,7 @@ def fleet(
     drain = by_aircraft(lambda: np.exp(own(0.0, 0.18, (n_pumps, 1))))
     if reality.drain == "viscous":
         exponent = by_aircraft(lambda: rng.uniform(0.0, 0.6, (n_pumps, 1)))
-        rows[..., _column("drain_resistance_scale")] = drain * thin**exponent
+        rows[..., _column("drain_resistance_scale")] = drain
     else:
         pipe = by_aircraft(lambda: rng.uniform(0.2, 0.8, (n_pumps, 1)))
         # a nu Q + b Q^2 and nothing else: the weights of both parts are shares of what they add up to
@@ -186,6 +196,11 @@ def fleet(
     for course in courses:
         added, line = apply(course, rows, nominal, thin, reality, rng)
         leakage, once = leakage + added, once + line
+    if reality.drain == "viscous":
+        # how warm the case is asks for what flows, and hardly for what the drain makes of it
+        found = operating_points(pump.pump, rows.reshape(-1, len(INPUTS)), circuit)
+        case = found.value("case_temperature_degc").reshape(shape)
+        rows[..., _column("drain_resistance_scale")] *= (drain_viscosity(pump, circuit, case) * batch) ** exponent
     points = operating_points(pump.pump, rows.reshape(-1, len(INPUTS)), circuit)
     return Flights(
         speed,

@@ -5,6 +5,7 @@ the type at the window's own condition; around that answer the pressures follow 
 (``detectors.expectation.reduced_twin``), which costs a fraction of a microsecond a question.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.condition import INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
-from twin.laws.fluid import kinematic_viscosity
+from twin.laws.fluid import kinematic_viscosity, throttling_heating
 from twin.operating_point.equations import drain_viscosity_ratio
 from twin.operating_point.points import slipper_model
 from twin.operating_point.solver import solve_batch
@@ -36,7 +37,8 @@ COLUMNS: tuple[str, ...] = (
     "by_system",
     "by_bleed",
     "by_setting",  # d(difference)/d(setting) [-]
-    "compensator_by_slippers",  # d(compensator flow)/d(slipper leakage): the plate tilts, its control pressure falls [-]
+    "compensator_by_slippers",  # d(case flow)/d(slipper leakage) beside that leakage itself and the gaps' own share of the
+    # difference: the plate tilts, its control pressure falls, chambers commute earlier [-]
     "compensator_by_laminar",
     "compensator_by_throttled",
     "compensator_by_system",
@@ -46,7 +48,9 @@ COLUMNS: tuple[str, ...] = (
     "drain_weight_viscosity",  # the circuit's own weights of the drain law [-]
     "drain_weight_flow",
     "drain_flow",  # flow at which the weights are counted [L/min]
-    "viscosity_ratio",  # of the drain law [-]
+    "viscosity_ratio",  # of the drain law, at the nominal pump's case flow [-]
+    "friction_warmth",  # what the shaft's friction takes off its logarithm by warming the case of the nominal pump [-]
+    "heat_flow",  # what carries friction heat off beside the case flow, as a flow [L/min]
     "return_coefficient",  # k_inf [bar/(L/min)^(1 + gamma)]
     "return_constant",  # K [(L/min)^gamma]
     "return_exponent",  # gamma [-]
@@ -118,7 +122,8 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     kelvin = celsius + KELVIN_AT_0_DEGC
     slippers = points.value("slipper_leakage_lpm")
     laminar = points.value("piston_leakage_lpm") + points.value("port_plate_leakage_lpm")
-    put("regulated_difference", points.value("discharge_pressure_bar") - points.value("case_pressure_bar"))
+    difference = points.value("discharge_pressure_bar") - points.value("case_pressure_bar")
+    put("regulated_difference", difference)
     put("reservoir", np.array([c.reservoir_pressure_bar for c in asked]))
     put("load_flow", np.array([c.discharge_flow_lpm for c in asked]))
     put("slipper_flow", slippers)
@@ -132,14 +137,15 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     put("by_bleed", slope("control_bleed_lpm"))
     put("by_setting", slope("pressure_setting_change_bar"))
 
-    def compensator(by: str) -> Array:
-        parts = ("slipper_leakage_lpm", "piston_leakage_lpm", "port_plate_leakage_lpm")
-        return points.derivative("case_flow_lpm", by) - sum(points.derivative(p, by) for p in parts)
+    def compensator(*by: str) -> Array:
+        """What the case flow gains beside a leakage itself and what the regulated difference makes of the gaps."""
+        gaps = (slippers + laminar) / difference
+        return np.asarray(sum(points.derivative("case_flow_lpm", b) - gaps * slope(b) for b in by))
 
-    both = compensator("piston_leakage_scale") + compensator("port_plate_leakage_scale")
-    put("compensator_by_slippers", compensator("slipper_leakage_scale") / slippers)
-    put("compensator_by_laminar", both / laminar)
-    put("compensator_by_throttled", compensator("throttled_leakage_lpm"))
+    both = compensator("piston_leakage_scale", "port_plate_leakage_scale")
+    put("compensator_by_slippers", compensator("slipper_leakage_scale") / slippers - 1.0)
+    put("compensator_by_laminar", both / laminar - 1.0)
+    put("compensator_by_throttled", compensator("throttled_leakage_lpm") - 1.0)
     put("compensator_by_system", compensator("system_leakage_lpm"))
     put("compensator_by_bleed", compensator("control_bleed_lpm"))
     put("compensator_by_setting", compensator("pressure_setting_change_bar"))
@@ -151,6 +157,12 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     fluid, drive = pump.pump.fluid, pump.pump.drive
     case = points.value("case_temperature_degc") + KELVIN_AT_0_DEGC
     put("viscosity_ratio", np.array([drain_viscosity_ratio(drive, fluid, circuit.Q_ref, T) for T in case]))
+    per_pascal = np.array([throttling_heating(fluid, T, 1.0, 0.0) for T in kelvin])
+    per_kelvin = np.array(
+        [math.log(kinematic_viscosity(fluid, T - 0.5) / kinematic_viscosity(fluid, T + 0.5)) for T in case]
+    )
+    put("friction_warmth", per_kelvin * (case - kelvin - per_pascal * PA_PER_BAR * difference))
+    put("heat_flow", drive.case_conductance * per_pascal / M3_PER_S_PER_LPM)
     warmer = kelvin - circuit.T_ref
     per_gamma = M3_PER_S_PER_LPM**circuit.gamma
     put("return_coefficient", circuit.k_inf * (1.0 + circuit.k_inf_slope * warmer) * by_flow * per_gamma)

@@ -25,6 +25,8 @@ COMPONENTS: tuple[str, ...] = (
     "ln_ripple",  # order n of discharge pressure against the twin's, logarithm
     "ln_case_ripple",  # order n of case pressure against the twin's, logarithm
     "once",  # discharge pressure's line at once per revolution [bar]
+    "case_ripple_warmth",  # how the case's ratio changes per 30 K, logarithm
+    "answer",  # how much more than the twin's this pump's order n follows what leaks, as a share of its logarithm [-]
     "load_case",  # what the twin misses of both pressures in proportion to the load [bar at LOAD_LPM]
     "load_case_square",  # and to its square [bar at LOAD_LPM]
     "load_warmth",  # how the first changes per 30 K [bar at LOAD_LPM]
@@ -58,6 +60,8 @@ N_COMPONENTS = len(COMPONENTS)
     LN_RIPPLE,
     LN_CASE_RIPPLE,
     ONCE,
+    CASE_RIPPLE_WARMTH,
+    ANSWER,
     LOAD_CASE,
     LOAD_CASE_SQUARE,
     LOAD_WARMTH,

@@ -2,7 +2,8 @@
 
 Discharge minus case pressure is set by the compensator: nominal value, setting, and the droop that every flow out of
 the high-pressure side costs. From it follow the leakages by their own laws, from their sum the drops of drain and
-return line. What it leaves out against the operating point is second order in the droop and is bounded by a test.
+return line. The case's fluid is the cooler the more of it flows, for friction warms it: the drain's viscous part knows that.
+What it leaves out against the operating point is second order in flows and droop and is bounded by a test.
 """
 
 import numpy as np
@@ -25,6 +26,7 @@ _C_SLIPPERS, _C_LAMINAR = COLUMN["compensator_by_slippers"], COLUMN["compensator
 _C_THROTTLED, _C_SYSTEM = COLUMN["compensator_by_throttled"], COLUMN["compensator_by_system"]
 _C_BLEED, _C_SETTING = COLUMN["compensator_by_bleed"], COLUMN["compensator_by_setting"]
 _W_Q, _Q_REF, _NU = COLUMN["drain_weight_flow"], COLUMN["drain_flow"], COLUMN["viscosity_ratio"]
+_FRICTION, _HEAT_FLOW = COLUMN["friction_warmth"], COLUMN["heat_flow"]
 _K_INF, _K, _GAMMA = COLUMN["return_coefficient"], COLUMN["return_constant"], COLUMN["return_exponent"]
 _SHARED, _SLIPPER_LAW, _LAMINAR_LAW = COLUMN["shared"], COLUMN["slipper_law"], COLUMN["laminar_law"]
 _SYSTEM_LAW, _WARMTH = COLUMN["system_law"], COLUMN["warmth"]
@@ -35,7 +37,7 @@ SLIPPER_VISCOSITY = 0.9
 """Exponent of slipper leakage in viscosity: between its land (1) and its throttle (0); the operating point of the H225 has 0.88
 to 0.92 from 40 to 90 degC."""
 _LEAST_WEIGHT = 0.1
-_UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE, c.CASE_SPAN)
+_UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE, c.CASE_RIPPLE_WARMTH, c.ANSWER, c.CASE_SPAN)
 """Components that move neither pressure."""
 
 
@@ -121,13 +123,17 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     k_c = anchor[_DRAIN] * np.exp(full[c.LN_DRAIN])
     w_nu, nu_by = _weight(anchor[_W_NU] + full[c.DRAIN_VISCOSITY])
     w_Q, Q_by = _weight(anchor[_W_Q] + full[c.DRAIN_FLOW])
-    nu = anchor[_NU] * np.exp(full[c.LN_VISCOSITY])
+    # the less flows, the warmer the shaft's friction makes it
+    carries, carried = max(Q_c, 0.0) + anchor[_HEAT_FLOW], slip_0 + lam_0 + anchor[_COMP] + anchor[_HEAT_FLOW]
+    nu = anchor[_NU] * np.exp(full[c.LN_VISCOSITY] + anchor[_FRICTION] * (1.0 - carried / carries))
+    cooled = anchor[_FRICTION] * carried / carries**2 if Q_c > 0.0 else 0.0
     # what clogs the drain adds a resistance with the drain's own law, a filter's (viscous) or a narrowed fitting's
     flow_ratio, whole = abs(Q_c) / anchor[_Q_REF], 1.0 + full[c.DRAIN_EXTRA]
     viscous, orifice = k_c * full[c.DRAIN_VISCOUS] * nu, k_c * full[c.DRAIN_ORIFICE] * flow_ratio
     own = drain_pressure_drop(Q_c, k_c, w_nu, w_Q, nu, anchor[_Q_REF])
     drop_c = whole * own + (viscous + orifice) * Q_c
-    R_c = whole * k_c * (w_nu * nu + 2.0 * w_Q * flow_ratio + 1.0 - w_nu - w_Q) + viscous + 2.0 * orifice
+    thick = whole * k_c * w_nu * nu + viscous
+    R_c = thick * (1.0 + Q_c * cooled) + whole * k_c * (2.0 * w_Q * flow_ratio + 1.0 - w_nu - w_Q) + 2.0 * orifice
     P_c = anchor[_P_R] + full[c.RESERVOIR] + drop_i + drop_c + anchor[_WARMTH] * full[c.CASE_WARMTH]
     load = anchor[_Q_L] / c.LOAD_LPM
     P_c += load * (full[c.LOAD_CASE] + load * full[c.LOAD_CASE_SQUARE] + anchor[_WARMTH] * full[c.LOAD_WARMTH])
@@ -171,7 +177,7 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
         b_s * thinner_s + b_l * thinner_l - b_sys * leak_l,
         c_s * thinner_s + c_l * thinner_l - c_sys * leak_l,
         -leak_l * share,
-        whole * k_c * Q_c * w_nu * nu + viscous * Q_c,
+        thick * Q_c,
     )
     _slope(slopes, c.LOAD_CASE, by, 0.0, 0.0, 0.0, 0.0, load)
     _slope(slopes, c.LOAD_CASE_SQUARE, by, 0.0, 0.0, 0.0, 0.0, load * load)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import FAULT_KINDS
+from detectors.bank.position import shares_of
 from detectors.bank.prediction import mean_case_flow
 from detectors.bank.tables import DIRECTIONS
 from detectors.judgement.isolation import QUANTITIES, Evidence
@@ -65,10 +66,10 @@ def estimates(bank: Bank, found: Evidence, reference: Array, limit_lpm: float) -
     values[_DRAIN] = _in_percent(values[_DRAIN])
     if _DRAIN in smallest:
         smallest[_DRAIN] = 100.0 * smallest[_DRAIN]
-    mean, sd, beyond = mean_case_flow(
-        bank.filters, found.weights, DIRECTIONS, reference, _LEAST_SHARE, limit_lpm, WIDENING
-    )
-    values["case_flow_at_reference_lpm"] = _interval(mean, sd)
+    # a level is said by the shares that causes are said by
+    shares = shares_of(bank, found.weights, found.by_prior).mean(axis=0)
+    *level, beyond = mean_case_flow(bank.filters, shares, DIRECTIONS, reference, _LEAST_SHARE, limit_lpm, WIDENING)
+    values["case_flow_at_reference_lpm"] = Estimate(*level)
     return Found(values, smallest, beyond)
 
 

@@ -40,7 +40,7 @@ _POSITION: Freed = {
 }
 _WEARING = ("ln_slipper", "ln_laminar", "throttled", "bleed", "slipper_extra", "laminar_extra")
 _REGULATING = ("setting", "softening", "ln_droop")
-_RIPPLE = ("ln_ripple", "ln_case_ripple", "once")
+_RIPPLE = ("ln_ripple", "ln_case_ripple", "once", "case_ripple_warmth", "answer")
 _PUMP: Freed = dict.fromkeys((*_WEARING, *_REGULATING, *_RIPPLE), _POPULATION)
 _WINDOW_DEGC = 60.0
 """Temperature at which products are compared: where windows lie."""

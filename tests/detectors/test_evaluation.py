@@ -11,7 +11,7 @@ from detectors.evaluation import calibration as calibration_module
 from detectors.evaluation import delays, lives, operating, scoring, summary
 from detectors.evaluation.calibration import Reliability, calibration, calibration_error
 from detectors.evaluation.lives import covered_at, ends_of_life
-from detectors.evaluation.reality import REALITIES, fleet
+from detectors.evaluation.reality import REALITIES, Course, drain_viscosity, fleet
 from detectors.evaluation.rows import HEALTHY, LEAKS, PLAIN_ROWS, ROWS, Growing, Row, SideBySide, Stepping
 from detectors.evaluation.scoring import (
     ACCUSED,
@@ -43,6 +43,7 @@ from detectors.evaluation.targets import TARGETS, Finding, Scope, Target, findin
 from detectors.words.thresholds import effective
 from detectors.words.verdict import ESTIMATES, FAULTS, Side, State
 from twin.condition import INPUTS
+from twin.operating_point import operating_points
 from twin.pumps import circuit_parameters, pump_type
 
 N, H, P, C = State.INSUFFICIENT_DATA, State.HEALTHY, State.PUMP_DEGRADATION, State.COMPENSATOR_FAULT
@@ -360,6 +361,25 @@ def test_roc_compares_the_same_flights() -> None:
     assert result.curve is not None
     assert result.curve.area == 1.0
     assert row_result(row(), {REALITIES[0]: faulty}, None, 1).curve is None
+
+
+def test_a_viscous_drain_is_as_thick_as_the_case_s_fluid() -> None:
+    """``k_c ~ nu^n`` where the fluid is: friction warms the case, the less the more leaks."""
+    pump, circuit, n = pump_type("h225"), circuit_parameters("shared_return"), 3
+    wear = Course("slippers", np.tile(np.linspace(0.0, 1.5, 60), (n, 1)))
+    flights = fleet(REALITIES[0], pump, circuit, np.random.default_rng(6), n, 60, (wear,))
+    rows = flights.rows.reshape(-1, len(INPUTS))
+    warm = operating_points(pump.pump, rows, circuit).value("case_temperature_degc").reshape(n, 60)
+    assert (warm - flights.temperature > 10.0).all()
+    batch = (
+        flights.rows[:, :1, INPUTS.index("piston_leakage_scale")]
+        / flights.rows[..., INPUTS.index("piston_leakage_scale")]
+    )
+    thick = np.log(drain_viscosity(pump, circuit, warm) * batch)
+    for x, scale in zip(thick, flights.rows[..., INPUTS.index("drain_resistance_scale")], strict=True):
+        (exponent, _), left, *_ = np.polyfit(x, np.log(scale), 1, full=True)
+        assert 0.0 <= exponent <= 0.6
+        assert left == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_drain_with_fittings_obeys_its_law_in_every_fluid() -> None:

@@ -24,9 +24,9 @@ from twin.condition import Health
 THRESHOLDS = effective({})
 OF_PUMP = {
     *("ln_slipper", "ln_laminar", "throttled", "bleed", "slipper_extra", "laminar_extra"),
-    *("softening", "ln_droop"),
+    *("softening", "ln_droop", "case_ripple_warmth", "answer"),
 }
-"""What wears and what regulates sits in the housing."""
+"""What wears, what regulates, and how its lines follow both sits in the housing."""
 OF_DRAIN = {"ln_drain", "drain_viscosity", "drain_flow", "drain_extra", "drain_viscous", "drain_orifice"}
 OF_POSITION = OF_DRAIN | {
     *("system_orifice", "system_laminar", "case_warmth"),
@@ -142,9 +142,8 @@ def last_verdict(found: History) -> Verdict:
 def test_a_worn_pump_that_moves_stays_worn() -> None:
     """One litre more within thirty flights, then another aircraft with drain, fluid, sensors and volumes of its own.
 
-    The move hardly touches the level: by 0.03 L/min (standard deviation), 0.09 at most on forty pumps of ten other seeds, 0.12
-    here. It is estimated too low in either aircraft: 0.86 +- 0.12 L/min at the end, 0.64 to 1.11, and 0.85 before it. That was
-    0.89 +- 0.13 until the twin's shaft friction warmed the case, which the judge reads the drain's viscosity by.
+    The move hardly touches the level: by 0.03 L/min (standard deviation), 0.09 at most on forty pumps of ten other seeds while a
+    ramp's size walked by 1 % of its scale a record, and was estimated too low in either aircraft: 0.86 +- 0.12 L/min.
     """
     wear = np.tile(np.clip((np.arange(130) - 30) / 30, 0.0, 1.0), (4, 1))
     for i, one in enumerate(moving((Course("slippers", wear),), 130, 90)):

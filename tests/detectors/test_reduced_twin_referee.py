@@ -27,6 +27,8 @@ SPREAD = {
     "ln_viscosity": 0.05,
     "reservoir": 0.3,
     "case_span": 0.3,
+    "case_ripple_warmth": 0.02,
+    "answer": 0.2,
 }
 """One sigma of random states, wider than any pump's: every branch of the laws is met."""
 
@@ -85,7 +87,10 @@ def plain(a: dict[str, float], x: dict[str, complex]) -> tuple[tuple[complex, co
     if a["shared"] == 1.0:
         through = a["load_flow"] + circuit + case_flow
         back = return_line(through, a["return_coefficient"], a["return_constant"], a["return_exponent"])
-    nu = a["viscosity_ratio"] / thinner
+    # friction warms what flows through the case: as much as at the anchor over what carries it off
+    carried = a["slipper_flow"] + a["laminar_flow"] + a["compensator_flow"] + a["heat_flow"]
+    warmed = carried / (at_least(case_flow, 0.0j) + a["heat_flow"])
+    nu = a["viscosity_ratio"] / thinner * np.exp(a["friction_warmth"] * (1.0 - warmed))
     w_nu = drain_weight(a["drain_weight_viscosity"] + x["drain_viscosity"])
     w_q = drain_weight(a["drain_weight_flow"] + x["drain_flow"])
     resistance = a["drain"] * np.exp(x["ln_drain"])
