@@ -67,7 +67,7 @@ def rates(
     else:
         to_discharge, leaked, torque = chamber_rates(scene, y, n, ch, dy)
     volumes, comp, servo, m, P_s = pump.volumes, pump.compensator, pump.servo, scene.medium, scene.P_s
-    P_d, P_c, P_i, P_ctrl, w = y[P_D], y[P_C], y[P_I], y[P_CTRL], y[ALPHA_DOT]
+    P_d, P_c, P_i, P_ctrl, w = y[P_D], y[P_C], y[P_I], max(y[P_CTRL], P_FLOOR), y[ALPHA_DOT]
     shared = 1.0 if circuit.shared > 0.5 else 0.0
     q_load = s.load * (P_d - P_i) + scene.Q_load + s.system * (P_d - P_s)
     q_in = s.e_in * (P_d - P_ctrl)
@@ -136,7 +136,7 @@ def lifted_rates(
     to_discharge = leaked = torque = 0.0
     for k in range(n):
         i = N_SHARED + k
-        P, P_p, h, u = y[i], y[i + n], y[i + 2 * n], y[i + 3 * n]
+        P, P_p, h, u = max(y[i], P_FLOOR), max(y[i + n], P_FLOOR), y[i + 2 * n], y[i + 3 * n]
         c = ch[k, COS]
         arm = lever(piston, h, cos_alpha, t, c)
         h_dot = cos_alpha * (u - piston.R * t * ch[k, SIN] * omega) + arm * w

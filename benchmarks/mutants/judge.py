@@ -79,6 +79,7 @@ MUTANTS: tuple[Mutant, ...] = (
     ),
     _bank("detectors.bank.kernel", "P[i, AMPLITUDE] += P[i, RATE]", "P[i, AMPLITUDE] += 0.0", plain=True),
     _bank("detectors.bank.kernel", "m[AMPLITUDE] += m[RATE]", "m[AMPLITUDE] += 0.0", plain=True),
+    _bank("detectors.bank.kernel", "m[RATE] *= GROWS_ON", "m[RATE] *= 1.0", plain=True),
     _bank("detectors.bank.kernel", "d -= A[j, k] * A[j, k]", "d -= A[j, k]", plain=True),
     _bank("detectors.bank.kernel", "log_det += 2.0 * math.log", "log_det += math.log", plain=True),
     _bank(

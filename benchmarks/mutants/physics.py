@@ -19,7 +19,22 @@ def _fluid(fragment: str, replacement: str) -> Mutant:
     return Mutant("fluids", "twin.pumps.fluids", fragment, replacement, ("tests.twin.test_fluids",), select)
 
 
+def _bleed(fragment: str, replacement: str) -> Mutant:
+    tests, select = ("tests.twin.test_absolute_pressure",), "of_its_end"
+    return Mutant("laws", "twin.simulation.shared", fragment, replacement, tests, select, plain=True)
+
+
 MUTANTS: tuple[Mutant, ...] = (
+    _bleed("scene.bleed * th - g * faded * z", "scene.bleed * th"),
+    _bleed("_BLEED_ROUNDS = 6", "_BLEED_ROUNDS = 1"),
+    Mutant(
+        "fluids",
+        "twin.parts.geometry",
+        "if not 1.0 <= nu <= 1000.0:",
+        "if not nu <= 1000.0:",
+        ("tests.twin.test_geometry",),
+        "fluid",
+    ),
     _fluid("(nu + 0.7)) for nu in", "(nu + 0.3)) for nu in"),
     _fluid("return math.hypot(", "return max("),
     _fluid("if _in_gaps(fluid, middle) > wanted else", "if _in_gaps(fluid, middle) < wanted else"),

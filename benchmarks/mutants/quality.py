@@ -30,6 +30,11 @@ def _late(module: str, fragment: str, replacement: str) -> Mutant:
     return Mutant("folds", f"service.monitoring.{module}", fragment, replacement, ("tests.service.test_late_records",))
 
 
+def _behind(module: str, fragment: str, replacement: str) -> Mutant:
+    tests = ("tests.service.test_entries_behind",)
+    return Mutant("folds", f"service.monitoring.{module}", fragment, replacement, tests, "sqlite")
+
+
 MUTANTS: tuple[Mutant, ...] = (
     _scale("most = running or off", "most = off or running"),
     _scale("_BEYOND = 1.25", "_BEYOND = 0.9"),
@@ -44,6 +49,10 @@ MUTANTS: tuple[Mutant, ...] = (
     _late("refold", "Pump.revision == pump.revision, ", ""),
     _late("settling", "self.touch(pump_id)  # whoever", "continue  # whoever"),
     _late("folded", "is_whole = end == len(links)", "is_whole = True"),
+    _behind("behind", "take_over(pump, whole=False)", "take_over(pump, whole=True)"),
+    _behind("telling", "if news.to_all:", "if False:"),
+    _behind("renewal", "or_(counts, judged)", "counts"),
+    _behind("counting", '{"made_with": None, ', "{"),
     _name("service.ingest.names", 'if name in (".", ".."):', 'if name == ".":', "refused_with_the_reason"),
     _name("service.web.whole_names", '.replace("/", _STAND_IN)', "", "end_of_another"),
 )

@@ -20,6 +20,9 @@ _EXPLAINED = (16.0, 19.3, 22.1, 24.5, 26.9, 29.1)
 _OPEN_SD = (5.0, 0.5, 0.3, 0.5, 0.5, 0.1)
 """How far apart two records of one pump may lie when nothing is known of the reason, by what is measured (estimates: a
 tenth of what the sensors span, and no less than the largest faults that have a name move)."""
+GROWS_ON = 0.95
+"""Share of its rate with which a fault still grows a record later: growth that nothing sustains ends within some twenty records
+(estimate; wear of ten flights that then stood was neither a step nor a ramp, and whoever misfitted it least was named)."""
 _REMEMBERED = 2**REMEMBERED - 1
 _IMPOSSIBLE = -50.0
 """Log density of a measurement that a filter cannot weigh (estimate: far below any outlier's, and no infinity) [nat]."""
@@ -326,6 +329,11 @@ def wandered(m: Array, P: Array, walk: Array, amplitude: float, rate: float, set
             P[AMPLITUDE, i] += P[RATE, i]
         for i in range(N_STATE):
             P[i, AMPLITUDE] += P[i, RATE]
+        m[RATE] *= GROWS_ON
+        for i in range(N_STATE):
+            P[RATE, i] *= GROWS_ON
+        for i in range(N_STATE):
+            P[i, RATE] *= GROWS_ON
     for i in range(N_STATE):
         P[i, i] += walk[i]
     P[AMPLITUDE, AMPLITUDE] += amplitude

@@ -135,7 +135,7 @@ def _through(
     walk, amplitude_walk, rate_walk, setting_walk = walks.state, walks.amplitude[f], walks.rate[f], walks.setting[f]
     record, seen = history.record, history.seen
     places, point = np.empty(seen.shape[1], dtype=np.int64), about.copy()
-    amplitude, rate = about[AMPLITUDE], about[RATE]
+    amplitude = about[AMPLITUDE]
     last = record[len(record) - 1]
     m[:], P[:, :] = base.mean, base.covariance
     begun = kind < 0
@@ -177,10 +177,8 @@ def _through(
                 wandered(m, P, walk, 0.0, 0.0, 0.0)
             P[RESERVOIR, RESERVOIR] += history.wander[i]
             if begun and kind >= 0:
-                along = amplitude
-                if shape == RAMP:
-                    # back along the ramp from where it stands, never beyond its foot
-                    along, grows = amplitude * (at - onset + 1.0) / max(last - onset + 1.0, 1.0), rate
+                # growth may have ended long ago: where it stood then is what the records up to then say
+                along, grows = (m[AMPLITUDE], m[RATE]) if shape == RAMP else (amplitude, 0.0)
         n_seen = 0
         for j in range(seen.shape[1]):
             if seen[i, j]:
@@ -192,6 +190,8 @@ def _through(
             if at < freed_last[j]:
                 # where it came to says nothing of what it was before
                 point[j], wander[j] = m[j], P[j, j]
+        if shape == RAMP and begun:
+            wander[AMPLITUDE] = P[AMPLITUDE, AMPLITUDE]
         wander[SETTING] += (last - max(at, onset)) * setting_walk
         point[AMPLITUDE], point[RATE] = along, grows
         reading = Reading(history.anchors[i], history.ripples[i], history.values[i], history.noises[i], places[:n_seen])

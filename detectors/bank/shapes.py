@@ -145,8 +145,8 @@ class Kinds(NamedTuple):
         one-sigma size, shape (K + 1,); the last row, zeros, serves the healthy pump.
     laws
         Mean and spread of the place of each kind's law, shape (K + 1, 2).
-    signs
-        Sign of each kind's amplitude (0: both), shape (K + 1,).
+    signs, most
+        Sign of each kind's amplitude (0: both) and the largest one that it can have, shape (K + 1,).
     heals
         How likely each kind goes away by itself, against what does so readily, shape (K + 1,) [nat].
     log_priors
@@ -161,6 +161,7 @@ class Kinds(NamedTuple):
     scales: Array
     laws: Array
     signs: Integers
+    most: Array
     heals: Array
     log_priors: Array
     ramp_records: float
@@ -173,8 +174,9 @@ class Meaning(NamedTuple):
 
     Attributes
     ----------
-    signs, floors
-        Sign of the amplitude (0: both) and the smallest size worth a word; arrivals' floor is one more entry.
+    signs, most, floors
+        Sign of the amplitude (0: both), the largest size that it can have and the smallest one worth a word; arrivals' floor
+        is one more entry.
     states, quantities
         Number of the state and of the quantity (-1: none).
     beside
@@ -186,6 +188,7 @@ class Meaning(NamedTuple):
     """
 
     signs: Integers
+    most: Array
     floors: Array
     states: Integers
     quantities: Integers

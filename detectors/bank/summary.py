@@ -33,8 +33,11 @@ from twin.compiled import compiled
 _LEAST_SHOWN, _NOT_YET = 3, 1.0e3
 """Flights on which a fault must have shown before it counts as one that comes and goes (our choice), and what stands against
 it until then [nat]."""
-TEMPER = 0.7
+TEMPER = 0.6
 """Exponent of the likelihood where causes compete: their laws are not the world's."""
+_REFERENCE = 5
+"""Records that a pump's own reference needs (as many as let a record surprise, ``Bank.learn``): behind fewer the likelihood
+counts in proportion, for what the change is measured from is the population's spread."""
 
 
 @compiled
@@ -50,7 +53,7 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
     """Sum the first n filters after ``records`` records into ``sums``; returns the share of pumps that came worn."""
     mean, covariance, kind, shape, onset = filters.mean, filters.covariance, filters.kind, filters.shape, filters.onset
     weights, of_all, changed, together, moments = sums
-    _weigh(filters, n, meaning.signs, weights)
+    _weigh(filters, n, meaning, weights)
     of_all[:, :], changed[:, :], moments[:, :], together[:, :] = 0.0, 0.0, 0.0, 0.0
     healthy = of_all.shape[1] - 1
     arrived = 0.0
@@ -94,15 +97,21 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
 
 
 @compiled
-def _weigh(filters: Filters, n: int, signs: Integers, weights: Array) -> None:
-    """Posterior shares of the first n filters, each way; one-sided faults by the sign that they came out with."""
+def _weigh(filters: Filters, n: int, meaning: Meaning, weights: Array) -> None:
+    """Posterior shares of the first n filters, each way; faults by the sign and the size that they came out with."""
     log_evidence = filters.log_evidence
+    likeliest = 0
+    for f in range(n):
+        weights[AS_STATED, f] = _size_evidence(filters, f, meaning.signs, meaning.most) - _habit(filters, f)
+        weights[WHOLE, f] = log_evidence[f] - log_evidence[0] + weights[AS_STATED, f]
+        if weights[WHOLE, f] > weights[WHOLE, likeliest]:
+            likeliest = f
+    temper = TEMPER * _reference(filters, likeliest)
     for f in range(n):
         by_data = log_evidence[f] - log_evidence[0] - filters.prior[f, STATED]
-        sign = _sign_evidence(filters, f, signs) - _habit(filters, f)
-        weights[WHOLE, f] = filters.prior[f, STATED] + by_data + sign
-        weights[AS_STATED, f] = filters.prior[f, STATED] + TEMPER * by_data + sign
-        weights[AS_ALIKE, f] = filters.prior[f, ALIKE] + TEMPER * by_data + sign
+        size = weights[AS_STATED, f]
+        weights[AS_STATED, f] = filters.prior[f, STATED] + temper * by_data + size
+        weights[AS_ALIKE, f] = filters.prior[f, ALIKE] + temper * by_data + size
     for way in range(N_WAYS):
         most, total = weights[way, :n].max(), 0.0
         for f in range(n):
@@ -110,6 +119,15 @@ def _weigh(filters: Filters, n: int, signs: Integers, weights: Array) -> None:
             total += weights[way, f]
         for f in range(n):
             weights[way, f] /= total
+
+
+@compiled
+def _reference(filters: Filters, f: int) -> float:
+    """How much of the pump's own reference stood when a filter's fault set in, 1 for all of it and for what came worn."""
+    onset = filters.onset[f]
+    if filters.kind[f] < 0 or filters.shape[f] == ARRIVAL or onset < 0:
+        return 1.0
+    return float(min(onset / _REFERENCE, 1.0))
 
 
 @compiled
@@ -125,13 +143,21 @@ def _habit(filters: Filters, f: int) -> float:
 
 
 @compiled
-def _sign_evidence(filters: Filters, f: int, signs: Integers) -> float:
-    """Logarithm of twice the probability that a one-sided fault has its sign; 0 for the others."""
-    k = filters.kind[f]
-    if k < 0 or signs[k] != 1:
-        return 0.0
+def _size_evidence(filters: Filters, f: int, signs: Integers, most: Array) -> float:
+    """How likely the size is one that the fault can have [nat].
+
+    Twice the probability that a one-sided fault has its sign; the probability that one with a largest size stays below it.
+    """
+    k, found = filters.kind[f], 0.0
+    if k < 0:
+        return found
+    amplitude = filters.mean[f, AMPLITUDE]
     spread = math.sqrt(max(filters.covariance[f, AMPLITUDE, AMPLITUDE], 1.0e-300))
-    return log_normal_above(filters.mean[f, AMPLITUDE] / spread) + math.log(2.0)
+    if signs[k] == 1:
+        found += log_normal_above(amplitude / spread) + math.log(2.0)
+    if most[k] < np.inf:
+        found += log_normal_above((most[k] - amplitude) / spread)
+    return found
 
 
 @compiled
@@ -155,7 +181,7 @@ def spawned(filters: Filters, n: int, records: int, kinds: Kinds, most_onsets: I
     n_kinds = len(scales) - 1
     likeliest, gone, most = 0, n_kinds - 1, log_evidence[0]
     for f in range(n):
-        own = log_evidence[f] + _sign_evidence(filters, f, kinds.signs)
+        own = log_evidence[f] + _size_evidence(filters, f, kinds.signs, kinds.most)
         if kind[f] != gone and own > most:
             likeliest, most = f, own
     undone, undone_spread, undone_prior = (

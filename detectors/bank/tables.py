@@ -42,7 +42,7 @@ RAMP_RECORDS = 12.0
 LOG_PRIORS = log_priors(LOG_ARRIVAL)
 _AMPLITUDE_WALK = np.array([0.03, 0.01, 0.0, 0.03, 0.0])
 """Walk of a fault's amplitude from record to record by shape, as a share of its scale."""
-_RATE_WALK = 0.05
+_RATE_WALK = 0.1
 """Walk of a ramp's rate, as a share of the rate's own spread: growth slows down, stops and starts again."""
 MOST_ONSETS = np.zeros((N_SHAPES, N_KINDS), dtype=np.int64)
 for _shape, _most in _MOST.items():
@@ -54,16 +54,16 @@ DIRECTIONS = np.concatenate((directions(), np.zeros((1, 2, N_COMPONENTS))))
 shape (N_KINDS + 1, 2, N_COMPONENTS)."""
 _MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
 IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
-IS_BOUNDED = np.array([k.state is State.HEALTHY or k.component == "bleed" for k in FAULT_KINDS] + [True])
-"""Kinds that cannot be many times their usual size: fluids differ no more than they do, and what bleeds passes the control valve,
-whose whole flow is about 0.6 L/min (operating point)."""
+IS_BOUNDED = np.array([k.state is State.HEALTHY or np.isfinite(k.most) for k in FAULT_KINDS] + [True])
+"""Kinds that cannot be many times their usual size: fluids differ no more than they do, and what has a largest size."""
 BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
 OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
 _HEALS = np.array([-4.0 if k.state is State.PUMP_DEGRADATION else 0.0 for k in FAULT_KINDS] + [0.0])
 """Gaps that have worn do not close by themselves (estimate: one in fifty of those that seemed to be worn)."""
 _SIGNS = np.array([k.sign for k in FAULT_KINDS] + [0])
-KINDS = Kinds(DIRECTIONS, _SCALES, laws(), _SIGNS, _HEALS, LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
+_LARGEST = np.array([k.most for k in FAULT_KINDS] + [np.inf])
+KINDS = Kinds(DIRECTIONS, _SCALES, laws(), _SIGNS, _LARGEST, _HEALS, LOG_PRIORS, RAMP_RECORDS, *ARRIVAL_LEAKAGE_LPM)
 
 
 def kinds_of(pump: PumpType) -> Kinds:

@@ -313,6 +313,7 @@ _IS_SENSOR = np.array([k.sensor is not None for k in FAULT_KINDS] + [False, Fals
 """By entry of ``Meaning.floors``."""
 _MEANING = Meaning(
     signs=np.array([k.sign for k in FAULT_KINDS] + [0]),
+    most=np.array([k.most for k in FAULT_KINDS] + [np.inf]),
     floors=np.array([k.floor for k in FAULT_KINDS] + [0.0, ARRIVAL_FLOOR_LPM]),
     states=np.array(
         [_CHANGES.index(k.state) if k.state in _CHANGES else len(_CHANGES) for k in FAULT_KINDS] + [len(_CHANGES)]

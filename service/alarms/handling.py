@@ -51,7 +51,7 @@ def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) 
     with database.writing() as session:
         _, pump = reading.alarm(session, principal, alarm_id)
         locked = select(Pump).where(Pump.id == pump.id).with_for_update()
-        session.scalars(locked.execution_options(populate_existing=True)).one().revision += 1
+        session.scalars(locked.execution_options(populate_existing=True)).one().changed()
         row, pump = reading.alarm(session, principal, alarm_id)
         session.refresh(row)
         thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values

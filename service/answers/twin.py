@@ -1,5 +1,7 @@
 """The twin: operating points, short runs, what given sensors can see."""
 
+from typing import NotRequired
+
 from typing_extensions import TypedDict
 
 from service.answers.problems import Problem
@@ -80,6 +82,8 @@ class Simulation(TypedDict):
     """Sampling rate [Hz]."""
     pressure_reference: str
     """Always `gauge`."""
+    outside: NotRequired[list[str]]
+    """`slipper.metamodel` where the metamodel of the slippers was asked beyond its runs; missing where it was not."""
     channels: dict[str, list[float | None]]
     """Samples by channel, in the unit that its name ends in."""
 

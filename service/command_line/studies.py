@@ -50,11 +50,13 @@ def simulate(
     status = outcome.status
     to = listener(json_)
     say(f"{output}: {outcome.n_rows} rows, {status.time_s:.6g} s", to=to)
+    if status.ok and status.outside:
+        say(f"{status.advice[0].upper()}{status.advice[1:]}.", to=to)
     if outcome.missing:
         say(f"To upload it, say in the scenario's table metadata: {', '.join(outcome.missing)}.", to=to)
     if json_:
         document = {"output": str(output), "rows": outcome.n_rows, "end_s": float(status.time_s)}
-        advice = None if status.ok else status.advice
+        advice = None if status.ok and not status.outside else status.advice
         say_json(document | {"complete": bool(status.ok), "advice": advice, "missing_metadata": list(outcome.missing)})
     if not outcome.status.ok:
         raise failure(f"{outcome.status.advice}. What was computed until then is kept.")

@@ -1,6 +1,6 @@
 """What is known of a pump, now or at an earlier instant, gathered from the database for the fold."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any, TypeAlias, TypeVar
@@ -301,7 +301,11 @@ def marks_of(session: Session, pump_id: int, known_at: datetime | None = None) -
 
 def installation_intervals(session: Session, pump_id: int, known_at: datetime | None = None) -> list[Interval]:
     """Entered installations of a pump in event order."""
-    found = entries(session, Installation, pump_id, known_at)
+    return intervals_of(entries(session, Installation, pump_id, known_at))
+
+
+def intervals_of(found: Iterable[Installation]) -> list[Interval]:
+    """Installations in event order, as the history takes them."""
     intervals = [Interval(i.aircraft, i.position, i.installed_at, i.removed_at) for i in found]
     return sorted(intervals, key=lambda i: i.installed_at)
 

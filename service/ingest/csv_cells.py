@@ -1,7 +1,7 @@
 """The careful reader of a text table: cell by cell, every fault with its line and column."""
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -15,15 +15,21 @@ from service.ingest.raw import MOST_FAULTS_OF_A_KIND, Samples, capped
 class Columns:
     """What the columns of a text table hold, by position: numbers, or texts where a foreign column holds any word."""
 
-    def __init__(self, numbers: dict[int, Samples], texts: dict[int, list[str | None]], faults: list[Fault]) -> None:
-        self.numbers, self.texts, self.faults = numbers, texts, faults
+    def __init__(
+        self,
+        numbers: dict[int, Samples],
+        texts: dict[int, list[str | None]],
+        faults: list[Fault],
+        flags: Sequence[str] = (),
+    ) -> None:
+        self.numbers, self.texts, self.faults, self.flags = numbers, texts, faults, list(flags)
 
 
 def columns_by_cell(layout: Layout) -> Columns:
     """Read every cell by itself.
 
     A column of a known channel is numbers, and every other cell of it a fault; any other column is numbers where all
-    its cells are, and texts otherwise.
+    its cells are, and texts otherwise. The header again, as a recorder writes it that starts anew, is left out and flagged.
 
     Raises
     ------
@@ -36,8 +42,8 @@ def columns_by_cell(layout: Layout) -> Columns:
     found = [array("d") for _ in names]
     foreign = {i for i, name in enumerate(names) if name not in KNOWN_CHANNELS}
     texts: set[int] = set()
-    faults = _Faults(layout)
-    for line, row in rows_of(layout.body, layout.dialect.delimiter):
+    faults, repeated = _Faults(layout), _Repeated(layout)
+    for line, row in repeated.left_out_of(rows_of(layout.body, layout.dialect.delimiter)):
         if len(row) != width and not _is_wide_enough(row, width):
             faults.width(line, row)
             continue
@@ -55,7 +61,7 @@ def columns_by_cell(layout: Layout) -> Columns:
             found[i].append(value)
         faults.row(line, n_bad, sum(name in KNOWN_CHANNELS for name in names) if n_bad else 0)
     numbers = {i: np.array(samples, dtype=np.float64) for i, samples in enumerate(found) if i not in texts}
-    return Columns(numbers, _texts(layout, sorted(texts), width), faults.all())
+    return Columns(numbers, _texts(layout, sorted(texts), width), faults.all(), repeated.flags)
 
 
 def _plain_number(cell: str) -> float:
@@ -76,11 +82,33 @@ def _is_wide_enough(row: list[str], width: int) -> bool:
 def _texts(layout: Layout, places: Sequence[int], width: int) -> dict[int, list[str | None]]:
     texts: dict[int, list[str | None]] = {i: [] for i in places}
     if places:
-        for _, row in rows_of(layout.body, layout.dialect.delimiter):
+        for _, row in _Repeated(layout).left_out_of(rows_of(layout.body, layout.dialect.delimiter)):
             if len(row) == width or _is_wide_enough(row, width):
                 for i in places:
                     texts[i].append(row[i].strip() or None)
     return texts
+
+
+class _Repeated:
+    """Lines that are the header again."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._header, self._first_line = list(layout.names), layout.first_line
+        self._n, self._first = 0, 0
+
+    def left_out_of(self, rows: Iterator[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
+        known = any(name in KNOWN_CHANNELS for name in self._header)
+        for line, row in rows:
+            if known and row[0].strip() == self._header[0] and [cell.strip() for cell in row] == self._header:
+                self._n += 1
+                self._first = self._first or self._first_line + line
+            else:
+                yield line, row
+
+    @property
+    def flags(self) -> list[str]:
+        """What is said of them."""
+        return [f"the header again on {self._n} line(s), first on line {self._first}: left out"] if self._n else []
 
 
 class _Faults:

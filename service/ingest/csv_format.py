@@ -74,4 +74,4 @@ def _file(layout: Layout, columns: Columns) -> RawFile:
             table.channels[called] = numbers
         else:
             table.texts[called] = texts
-    return RawFile(layout.metadata, (table,), faults + columns.faults, not_kept, layout.flags + flags)
+    return RawFile(layout.metadata, (table,), faults + columns.faults, not_kept, layout.flags + flags + columns.flags)

@@ -10,6 +10,7 @@ _PREFIX = struct.Struct("<4s4xQQ")
 _MOST_BLOCKS = 500_000
 _MOST_EXPANDED = 20_000
 _MOST_LINKS = 1_000_000
+_DATA = 5
 # by block: the links that lead on in a chain, and those that lead into chains of their own
 _CHAINS: dict[bytes, tuple[tuple[int, ...], tuple[int, ...]]] = {
     b"##HD": ((), (0, 1, 2, 3, 4)),
@@ -56,10 +57,17 @@ def check_links(content: bytes) -> None:
         if len(seen) > _MOST_BLOCKS:
             raise TooLarge(f"the MDF4 file holds more than {_MOST_BLOCKS} blocks: leave out channels")
         onward, inner = _CHAINS[kind]
-        waiting += [links[i] for i in (*onward, *inner) if i < len(links)]
+        waiting += [
+            links[i] for i in (*onward, *inner) if i < len(links) and not _is_told_apart(content, kind, i, links)
+        ]
         if kind == b"##CN" and len(links) > 4:
             conversions.add(links[4])
     _check_conversions(content, conversions)
+
+
+def _is_told_apart(content: bytes, kind: bytes, number: int, links: tuple[int, ...]) -> bool:
+    """Whether a channel's texts lie among the records of a group of their own: that group stands in its own chain."""
+    return kind == b"##CN" and number == _DATA and content[links[number] : links[number] + 4] == b"##CG"
 
 
 def _check_conversions(content: bytes, places: set[int]) -> None:

@@ -3,6 +3,7 @@
 import io
 import math
 from collections import Counter
+from collections.abc import Container
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -12,8 +13,9 @@ from service.errors import Fault, TooLarge, Undecodable, UnknownType
 from service.ingest.file_formats import TDMS
 from service.ingest.nested import MOST_TEXTS
 from service.ingest.raw import Limits, RawFile, Samples, Table, check_size, plain
+from service.ingest.tdms_scales import scale_fault, scaled_unit
 from service.ingest.time_words import clock_of_instants, is_time_name, texts_of_instants
-from twin.recording import REQUIRED_CHANNELS, TIME
+from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS, TIME
 
 _START, _OFFSET, _STEP = "wf_start_time", "wf_start_offset", "wf_increment"
 _LEAD_IN = 28
@@ -49,12 +51,15 @@ def parsed(content: bytes, limits: Limits) -> RawFile:
     not_kept: dict[str, str] = {}
     cut = bool(file.file_status.incomplete_final_segment)
     flags = ["the file was cut short in its last segment; what was whole before is kept"] if cut else []
-    tables = tuple(t for group in file.groups() if group.channels() for t in _tables(group, not_kept, cut=cut))
+    scales = _unscaled(file)
+    tables = tuple(t for group in file.groups() if group.channels() for t in _tables(group, not_kept, scales, cut=cut))
     metadata = {name: plain(value) for name, value in file.properties.items()}
     for table in tables:
         if table.start is not None:
             metadata.setdefault(_START, table.start.isoformat().replace("+00:00", "Z"))
-    faults = []
+    ours = (*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS)
+    faults = [Fault(f"channels.{name}", words) for (_, name), words in scales.items() if name in ours]
+    not_kept |= {name: words for (_, name), words in scales.items() if name not in ours}
     lost = {n for t in tables for n, samples in t.channels.items() if not np.isfinite(samples).any()}
     if cut and lost.intersection(REQUIRED_CHANNELS):
         text = "was cut short in its last segment, before what is missing was written: copy it again from the recorder"
@@ -77,7 +82,25 @@ def _check_segments(content: bytes) -> None:
             raise TooLarge(f"the TDMS file has more than {_MOST_SEGMENTS} segments: defragment it")
 
 
-def _tables(group: Any, not_kept: dict[str, str], *, cut: bool) -> list[Table]:
+def _unscaled(file: Any) -> dict[tuple[str, str], str]:
+    """Channels by group and name whose scale cannot be followed, and why; the reader would hand out counts."""
+    found: dict[tuple[str, str], str] = {}
+    for group in file.groups():
+        for channel in group.channels():
+            words = scale_fault((channel.properties, group.properties, file.properties))
+            if words is None:
+                try:
+                    channel[:1]
+                except KeyError as missing:
+                    words = f"has a scale without {missing.args[0]}: save it scaled"
+                except Exception as error:  # steps raise whatever their numbers lead them to, and bare exceptions
+                    words = f"has a scale that cannot be computed ({error}): save it scaled"
+            if words is not None:
+                found[group.name, channel.name] = words
+    return found
+
+
+def _tables(group: Any, not_kept: dict[str, str], unscaled: Container[tuple[str, str]], *, cut: bool) -> list[Table]:
     """A group as a table, and as more where channels of it start at instants that have nothing to do with each other."""
     channels: dict[str, Samples] = {}
     texts: dict[str, list[str | None]] = {}
@@ -85,6 +108,8 @@ def _tables(group: Any, not_kept: dict[str, str], *, cut: bool) -> list[Table]:
     clocks: dict[str, tuple[Samples, datetime | None]] = {}
     instants = None
     for channel in group.channels():
+        if (group.name, channel.name) in unscaled:
+            continue
         name, kind = channel.name, channel.dtype.kind
         if kind == "M":
             values = channel[:].astype("datetime64[us]")
@@ -95,6 +120,7 @@ def _tables(group: Any, not_kept: dict[str, str], *, cut: bool) -> list[Table]:
             values = np.array(channel[:], dtype=np.float64)
             channels[name] = values
             unit = next((str(channel.properties[key]).strip() for key in _UNITS if key in channel.properties), "")
+            unit = unit or scaled_unit((channel.properties, group.properties))
             if unit:
                 units[name] = unit
             clock = _waveform(channel.properties, len(values))

@@ -16,7 +16,9 @@ from service.errors import Problem
 from service.identity import release_number
 from service.jobs import state
 from service.jobs.state import Engine, StoppedError
+from service.monitoring.precedence import is_ours
 from service.notifications.worker import Postman, forget_old
+from service.reading.standing import keep_standings
 from service.registry.deletion import finish_deletions
 from service.registry.retention import expire_all
 from service.storage.failures import is_passing
@@ -73,6 +75,7 @@ def housekeeping() -> None:
             ("expiry of what is old", lambda: expire_all(database, raw_store, now)),
             ("old messages", lambda: forget_old(database, now)),
             ("alarms of older histories", lambda: catch_up(database)),
+            ("standings of older histories", lambda: keep_standings(database, is_ours())),
             ("finished workflows", _purge),
         ):
             try:

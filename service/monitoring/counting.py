@@ -18,10 +18,11 @@ from service.ingest.decode import DecodedRecord
 from service.monitoring.flights import check_flight
 from service.monitoring.folded import Cause, Folded, folded
 from service.monitoring.precedence import made_with
+from service.monitoring.reduction import reduced_again
 from service.monitoring.refold import TRIES, claimed, kept, outside_unchanged, queue_of, refold_others
-from service.monitoring.renewal import reduced_again
 from service.monitoring.settling import Settling
 from service.monitoring.surroundings import Surroundings
+from service.monitoring.telling import News, news_of
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, STORED, SUPERSEDED, Pump, Record
 
@@ -33,6 +34,7 @@ class _Planned:
     known: Dossier
     made: Folded | None
     others: frozenset[int]
+    news: News | None = None
 
 
 class Counting:
@@ -68,7 +70,7 @@ class Counting:
         if planned.made is None:
             return False
         if not planned.made.is_whole:
-            self._settling.leave(planned.known.pump.id, cause)
+            self._settling.leave(planned.known.pump.id, row.operator, cause)
         refold_others(self._database, self._archive, planned.others, cause)
         return True
 
@@ -124,7 +126,7 @@ class Counting:
             others |= newly_contradicted(session, session.get_one(Record, row.supersedes))
         if len(made.links) == 1 and known.has("alike"):
             others |= {other.id for other in look_alikes(session, known.pump)}
-        return _Planned(known, made, frozenset(others))
+        return _Planned(known, made, frozenset(others), news_of(session, known.pump, made))
 
     def _kept(
         self, session: Session, row: Record, incoming: Incoming, decoded: DecodedRecord, planned: "_Planned"
@@ -134,7 +136,10 @@ class Counting:
             waits = update(Record).where(Record.id == row.id, Record.status == STORED)
             session.execute(waits.values(waits_for=known.pump.made_by))
             return
-        if not claimed(session, known, made):
+        if planned.others:  # locked in the order of their numbers, as everywhere, so that nobody waits in a circle
+            query = select(Pump.id).where(Pump.id.in_({known.pump.id, *planned.others})).order_by(Pump.id)
+            session.execute(query.with_for_update())
+        if not claimed(session, known, made, is_told=planned.news is None):
             raise ChangedError
         if not (self._database.is_sqlite and known.has("aircraft")):
             known_aircraft(session, row.operator, decoded.metadata.aircraft)
@@ -153,7 +158,10 @@ class Counting:
         )
         if cast("CursorResult[Any]", taken).rowcount != 1:
             raise ChangedError
-        kept(session, known.pump, made, self._archive, Cause("record_received", row.id))
+        kept(session, known.pump, made, self._archive, Cause("record_received", row.id), planned.news)
+        if planned.others:  # whoever dies before they are folded leaves that to the sweep
+            marks = {"made_with": None, "revision": Pump.revision + 1}
+            session.execute(update(Pump).where(Pump.id.in_(planned.others)).values(marks))
 
 
 def _is_older(pump: Pump) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 from opentelemetry import trace
 from prometheus_client import Histogram
@@ -16,7 +17,7 @@ from service.alarms.life_cycle import Life, Point, lives, rules_of
 from service.history.analysis import keep_analysis
 from service.history.archive import Archive
 from service.history.codec import trend_to_json, verdict_to_json
-from service.history.dossier import Dossier
+from service.history.dossier import ChangedError, Dossier
 from service.history.knowledge import AnyRow, Incoming, Knowledge, knowledge
 from service.history.known import Known, PlacedRecord
 from service.identity import software
@@ -25,6 +26,8 @@ from service.monitoring.chain import chain
 from service.monitoring.fold import Start, Step, steps
 from service.monitoring.snapshots import Kept
 from service.monitoring.succession import Neighbourhood, seats_of_known
+from service.reading.silence import NEWEST_RECORDS
+from service.reading.standing import Newest, Standing, standing
 from service.storage.tables import Pump, Record, StoredAssessment, VerdictRevision
 
 _tracer = trace.get_tracer("casedrain")
@@ -73,6 +76,8 @@ class Folded:
         Whether the pump may have stored ones.
     is_whole
         False where verdicts of records behind these are left to be made.
+    standing
+        How the pump stands by its newest record; None without one, or where verdicts are left to be made.
     """
 
     found: Knowledge
@@ -86,6 +91,7 @@ class Folded:
     alarms: tuple[Life, ...] | None
     has_alarms: bool
     is_whole: bool
+    standing: Standing | None
 
 
 def folded(
@@ -118,6 +124,8 @@ def folded(
     ------
     Unavailable
         when a record must be analysed anew and its raw bytes are gone.
+    ChangedError
+        when a verdict that holds is no longer stored: somebody else has folded the pump meanwhile.
     GivenUpError
         when ``given_up`` has said so.
     """
@@ -183,7 +191,24 @@ def _folded(
         else None,
         dossier is None or dossier.has("alarms"),
         is_whole,
+        _standing(session, found, rows) if is_whole else None,
     )
+
+
+def _standing(session: Session, found: Knowledge, rows: Sequence[StoredAssessment]) -> Standing | None:
+    """How the pump stands, by its newest record: the last of ``rows``, or one that is stored already."""
+    placed = found.known.placed
+    if not placed:
+        return None
+    last = placed[-1].outline
+    verdict: Any = rows[-1].verdict if rows and rows[-1].record_id == last.record_id else None
+    if verdict is None:
+        kept = select(StoredAssessment.verdict).where(StoredAssessment.record_id == last.record_id)
+        verdict = session.scalar(kept)
+        if verdict is None:
+            raise ChangedError
+    newest = Newest(last.record_id, last.aircraft, last.position, last.at, found.flight_hours.get(last.record_id))
+    return standing(newest, verdict, len(placed), [p.outline.at for p in placed[-NEWEST_RECORDS:]])
 
 
 def keep(session: Session, pump: Pump, made: Folded, cause: Cause) -> None:

@@ -42,7 +42,7 @@ def take_over(pump: Pump, *, whole: bool) -> None:
     """Note that this process writes a pump's reductions; ``whole`` when all of them and the verdicts are its own."""
     pump.made_by = release_number()
     pump.made_with = made_with() if whole else None
-    pump.revision += 1
+    pump.changed()
 
 
 def left_to_newer(session: Session, pump: Pump) -> bool:
@@ -53,7 +53,7 @@ def left_to_newer(session: Session, pump: Pump) -> bool:
     if newer_release(session, pump.id) is None:
         return False
     pump.made_with = None
-    pump.revision += 1
+    pump.changed()
     return True
 
 

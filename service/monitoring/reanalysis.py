@@ -20,8 +20,8 @@ from service.history.codec import verdict_to_json
 from service.history.knowledge import Knowledge, knowledge
 from service.identity import software
 from service.monitoring.fold import fold
-from service.monitoring.precedence import held_by, left_to_newer, newer_release
-from service.monitoring.refold import REPROCESSED, Cause, apart, refold
+from service.monitoring.precedence import held_by, left_to_newer, newer_release, take_over
+from service.monitoring.refold import REPROCESSED, Cause, apart
 from service.monitoring.succession import with_neighbours
 from service.pump_types.parameter_sets import held_type
 from service.storage.database import Database
@@ -122,7 +122,7 @@ def reprocessed(
     reduce_anew: bool = False,
     wanted: Wanted | None = None,
 ) -> PumpChange:
-    """Fold one pump anew in one transaction and say what changed.
+    """Fold one pump anew, apart from other writers, and say what changed.
 
     Parameters
     ----------
@@ -146,21 +146,24 @@ def reprocessed(
         before, old_rules = points_of(session, pump_id), _rules(session, pump)
         is_plain = wanted is None and not reduce_anew
         anew = {} if is_plain else _known(session, archive, pump, wanted, reduce_anew=reduce_anew).anew
-    if is_plain:
-        apart(database, archive, pump_id, cause)  # then the fold below finds everything as it should be
-    with database.writing() as session:
-        pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
+    if not is_plain:
+        with database.writing() as session:
+            pump = session.scalars(select(Pump).where(Pump.id == pump_id).with_for_update()).one()
+            newer = newer_release(session, pump_id)
+            if newer is not None:
+                raise held_by(newer, pump.serial)
+            before, old_rules = points_of(session, pump_id), _rules(session, pump)
+            if wanted is not None:
+                hold(session, pump, wanted.threshold_version, wanted.author)
+            for row in session.scalars(select(Record).where(Record.id.in_(anew), Record.status == ANALYSED)):
+                keep_analysis(row, anew[row.id])
+            take_over(pump, whole=False)  # who dies here leaves the fold to the sweep
+    apart(database, archive, pump_id, cause, from_scratch=wanted is not None)
+    with database.reading() as session:
+        pump = session.get_one(Pump, pump_id)
         newer = newer_release(session, pump_id)
         if newer is not None:
             raise held_by(newer, pump.serial)
-        if not is_plain:
-            before, old_rules = points_of(session, pump_id), _rules(session, pump)
-        if wanted is not None:
-            hold(session, pump, wanted.threshold_version, wanted.author)
-        for row in session.scalars(select(Record).where(Record.id.in_(anew), Record.status == ANALYSED)):
-            keep_analysis(row, anew[row.id])
-        session.flush()
-        refold(session, pump, archive, cause, from_scratch=wanted is not None)
         after, thresholds = points_of(session, pump_id), _thresholds(session, pump)
         alarms = gained_and_lost(lives(before, (), old_rules), lives(after, (), rules_of(thresholds.values)))
         return _change(

@@ -1,7 +1,8 @@
 """Fold a pump anew and store its verdicts: apart from other writers where it can be, under the pump's lock where it must."""
 
 import threading
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from datetime import datetime
 from functools import partial
@@ -11,7 +12,6 @@ import structlog
 from sqlalchemy import ColumnElement, CursorResult, or_, select, update
 from sqlalchemy.orm import Session
 
-from detectors.judgement.succession import Seat
 from service.answers import verdicts as answers
 from service.errors import Problem
 from service.history.archive import Archive
@@ -24,7 +24,9 @@ from service.ingest.names import look_of
 from service.monitoring.fold import fold
 from service.monitoring.folded import Cause, Folded, folded, keep
 from service.monitoring.precedence import left_to_newer, made_with, take_over
-from service.monitoring.succession import Neighbourhood, nobody_else_at, seats_of_known, successors, with_neighbours
+from service.monitoring.reduction import reduced_again
+from service.monitoring.succession import nobody_else_at, with_neighbours
+from service.monitoring.telling import IN_HAND, News, news_of, told_now
 from service.reading.forecast import crossed
 from service.reading.queries import TrendOfRecord
 from service.storage.database import Database, afterwards
@@ -44,7 +46,9 @@ __all__ = [
 REPROCESSED = Cause("reprocessed")
 TRIES = 3
 """Folds without the lock that may find their pump changed; the next one is made under it, so that all come to an end."""
-_queues = [threading.Lock() for _ in range(64)]
+_queues: dict[tuple[str, str], threading.Lock] = {}
+_waiting: Counter[tuple[str, str]] = Counter()
+_guard = threading.Lock()
 _held = threading.local()
 log = structlog.get_logger("casedrain")
 
@@ -76,12 +80,30 @@ def refold(
     pump.look = pump.look or look_of(pump.serial)
     made = folded(session, pump, archive, from_scratch=from_scratch)
     pump.pump_type = made.found.kind
-    take_over(pump, whole=True)
-    kept(session, pump, made, archive, cause)
+    news = news_of(session, pump, made)
+    take_over(pump, whole=news is None)
+    pump.standing, pump.standing_at = _kept_standing(made), pump.revision
+    pump.standing_link = made.links[-1] if made.links else None
+    kept(session, pump, made, archive, cause, news)
 
 
-def apart(database: Database, archive: Archive, pump_id: int, cause: Cause = REPROCESSED) -> None:
+def apart(
+    database: Database,
+    archive: Archive,
+    pump_id: int,
+    cause: Cause = REPROCESSED,
+    *,
+    from_scratch: bool = False,
+    reduce_first: bool = False,
+) -> None:
     """Fold a pump anew without holding up anybody: the fold is made first, and stored if nothing has changed meanwhile.
+
+    Parameters
+    ----------
+    from_scratch
+        Trust neither snapshots nor stored assessments.
+    reduce_first
+        Where records may have to be reduced again: do that before, in chunks of which each stays done.
 
     Raises
     ------
@@ -93,14 +115,16 @@ def apart(database: Database, archive: Archive, pump_id: int, cause: Cause = REP
     if pump is None:
         return
     with queue_of(pump.operator, pump.serial):
+        if reduce_first:
+            reduced_again(database, archive, pump_id)
         for _ in range(TRIES):
-            if attempted(database, archive, pump_id, cause):
+            if attempted(database, archive, pump_id, cause, from_scratch=from_scratch):
                 return
         with database.writing() as session:
             query = select(Pump).where(Pump.id == pump_id).with_for_update()
             locked = session.scalar(query.execution_options(populate_existing=True))
             if locked is not None:
-                refold(session, locked, archive, cause)
+                refold(session, locked, archive, cause, from_scratch=from_scratch)
 
 
 def attempted(
@@ -109,6 +133,8 @@ def attempted(
     pump_id: int,
     cause: Cause = REPROCESSED,
     given_up: Callable[[], bool] = lambda: False,
+    *,
+    from_scratch: bool = False,
 ) -> bool:
     """Fold a pump without its lock, then store that: False where the pump has changed meanwhile and nothing was stored.
 
@@ -123,54 +149,49 @@ def attempted(
         if known is None:
             return True
         try:
-            made = folded(session, known.pump, archive, known, given_up=given_up)
+            made = folded(session, known.pump, archive, known, from_scratch=from_scratch, given_up=given_up)
         except ChangedError:
             return False
+        news = news_of(session, known.pump, made)
     with database.writing() as session:
-        if not claimed(session, known, made, *outside_unchanged(known)):
+        if not claimed(session, known, made, *outside_unchanged(known), is_told=news is None):
             return False
-        kept(session, known.pump, made, archive, cause)
+        kept(session, known.pump, made, archive, cause, news)
     return True
 
 
-def kept(session: Session, pump: Pump, made: Folded, archive: Archive, cause: Cause) -> None:
+def kept(session: Session, pump: Pump, made: Folded, archive: Archive, cause: Cause, news: News | None) -> None:
     """Store what a pump was folded to; pumps that take over from it are folded anew once that is committed.
 
     Then its own again, where it took over from another pump that may have changed while it was folded: of two folds that
     met, the one that is stored last sees the other.
+
+    Parameters
+    ----------
+    news
+        What ``news_of`` says that others are to be told; until they are, the pump is not marked as through.
     """
     keep(session, pump, made, cause)
-    changed = frozenset(made.before).union(row.record_id for row in made.assessments)
-    if changed and not made.alone_at:
-        seats = (made.seats, seats_of_known(pump.id, made.found.known))
-        again = not changed.isdisjoint(made.found.known.borrowed)
-        afterwards(session, partial(_told, archive=archive, pump_id=pump.id, changed=changed, seats=seats, again=again))
+    if news is not None:
+        afterwards(session, partial(_told, archive=archive, news=news))
 
 
-def _told(
-    database: Database,
-    archive: Archive,
-    pump_id: int,
-    changed: frozenset[str],
-    seats: tuple[Sequence[Seat], Sequence[Seat]],
-    *,
-    again: bool,
-) -> None:
+def _told(database: Database, archive: Archive, news: News) -> None:
+    IN_HAND.begun(database, news)
     waiting: list[Callable[[], None]] | None = getattr(_held, "waiting", None)
     if waiting is not None:  # their own queues may be the one that this thread stands in
-        waiting.append(partial(_told, database, archive, pump_id, changed, seats, again=again))
+        waiting.append(partial(told_now, database, archive, news, refold_others))
         return
-    with database.reading() as session:
-        pump = session.get(Pump, pump_id)
-        if pump is None:
-            return
-        others = successors(Neighbourhood(session, archive), pump, *seats, changed)
-        cause = Cause("neighbour_changed", pump.serial)
-    refold_others(database, archive, others | ({pump_id} if again else set()), cause)
+    told_now(database, archive, news, refold_others)
 
 
-def claimed(session: Session, known: Dossier, made: Folded, *conditions: ColumnElement[bool]) -> bool:
-    """Lock a pump and take it over, unless it has changed since it was read, or conditions fail; True where it is taken."""
+def claimed(
+    session: Session, known: Dossier, made: Folded, *conditions: ColumnElement[bool], is_told: bool = True
+) -> bool:
+    """Lock a pump and take it over, unless it has changed since it was read, or conditions fail; True where it is taken.
+
+    Without ``is_told`` it is not marked as through: others are to be told of it first.
+    """
     pump = known.pump
     is_ours = or_(Pump.made_by.is_(None), Pump.made_by <= release_number())
     values = {
@@ -178,13 +199,20 @@ def claimed(session: Session, known: Dossier, made: Folded, *conditions: ColumnE
         "pump_type": made.found.kind,
         "look": look_of(pump.serial),
         "made_by": release_number(),
-        "made_with": made_with() if made.is_whole else None,
+        "made_with": made_with() if made.is_whole and is_told else None,
+        "standing": _kept_standing(made),
+        "standing_at": Pump.revision + 1 if made.is_whole else None,
+        "standing_link": made.links[-1] if made.links else None,
     }
     if made.alone_at:
         conditions = (*conditions, nobody_else_at(pump, made.alone_at))
     wanted = update(Pump).where(Pump.id == pump.id, Pump.revision == pump.revision, is_ours, *conditions).values(values)
     taken = session.execute(wanted.execution_options(synchronize_session=False))
     return cast("CursorResult[Any]", taken).rowcount == 1
+
+
+def _kept_standing(made: Folded) -> dict[str, Any] | None:
+    return made.standing.to_json() if made.standing else None
 
 
 def outside_unchanged(known: Dossier) -> list[ColumnElement[bool]]:
@@ -197,29 +225,40 @@ def outside_unchanged(known: Dossier) -> list[ColumnElement[bool]]:
 def queue_of(operator: str, serial: str) -> Iterator[None]:
     """One after the other within this process: folds of one pump at the same time would only find each other's changes.
 
-    What other pumps are told of it, they are told behind the queue.
+    Other pumps never wait in it. What they are told of this one, they are told behind the queue.
     """
     waiting: list[Callable[[], None]] = []
     _held.waiting = waiting
+    pump = operator, serial
+    with _guard:
+        lock = _queues.setdefault(pump, threading.Lock())
+        _waiting[pump] += 1
     try:
-        with _queues[hash((operator, serial)) % len(_queues)]:
+        with lock:
             yield
     finally:
         _held.waiting = None
-    for tell in waiting:
-        tell()
+        with _guard:
+            _waiting[pump] -= 1
+            if not _waiting[pump]:
+                del _waiting[pump], _queues[pump]
+        for tell in waiting:
+            tell()
 
 
-def refold_others(database: Database, archive: Archive, pump_ids: Collection[int], cause: Cause) -> None:
+def refold_others(database: Database, archive: Archive, pump_ids: Collection[int], cause: Cause) -> bool:
     """Fold other pumps anew whose remarks a change has touched, each in a transaction of its own.
 
-    One that cannot be folded now keeps its verdicts until its next record.
+    One that cannot be folded now keeps its verdicts until its next record, or until it is taken up again; False then.
     """
+    all_are = True
     for pump_id in sorted(pump_ids):
         try:
             apart(database, archive, pump_id, cause)
         except Problem as problem:
+            all_are = False
             log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
+    return all_are
 
 
 def verdict_known_at(

@@ -1,4 +1,7 @@
-"""What an older release has reduced and folded is made again: pump by pump, in chunks, while the service works."""
+"""What is marked as to be made is made: what an older release has reduced and folded, what a dead process has left.
+
+Pump by pump, in chunks, while the service works.
+"""
 
 import random
 import time
@@ -10,25 +13,23 @@ from sqlalchemy.orm import Session
 
 from service import __version__
 from service.errors import Problem
-from service.history.analysis import keep_analysis
 from service.history.archive import Archive
-from service.history.knowledge import knowledge
 from service.identity import release_number
-from service.monitoring.precedence import is_ours, made_with, newer_release, take_over
+from service.monitoring.precedence import is_ours, made_with
 from service.monitoring.reanalysis import reprocessed
-from service.monitoring.refold import Cause
+from service.monitoring.reduction import reduced_again
+from service.monitoring.refold import REPROCESSED, Cause
 from service.storage.database import Database
 from service.storage.failures import is_passing
-from service.storage.tables import ANALYSED, Pump, Record
+from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment
 
-CHUNK = 25
-"""Records of one transaction: about a second of work is lost when the process ends in it."""
 CAUSE = Cause("release_changed", __version__)
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 20.0, 300.0
 log = structlog.get_logger("casedrain")
 
 
 def due_pumps(session: Session, *, own_release: bool) -> list[int]:
-    """Pumps with records whose reductions or verdicts other code has made.
+    """Pumps with records or verdicts that other code has made, or that are marked as to be made.
 
     Parameters
     ----------
@@ -39,52 +40,25 @@ def due_pumps(session: Session, *, own_release: bool) -> list[int]:
     other = Pump.made_with != made_with()
     due = or_(Pump.made_with.is_(None), other if own_release else and_(other, older))
     counts = exists().where(Record.pump_id == Pump.id, Record.status == ANALYSED)
-    return list(session.scalars(select(Pump.id).where(is_ours(), due, counts).order_by(Pump.id)))
-
-
-def reduced_again(database: Database, archive: Archive, pump_id: int, stopped: Event | None = None) -> int:
-    """Reduce a pump's records again where what is stored was made otherwise, in chunks; gives how many were.
-
-    What was done stays done: a process that is stopped, or dies, leaves the rest to the next one.
-
-    Raises
-    ------
-    Problem
-        when a record cannot be read again.
-    """
-    count = 0
-    while stopped is None or not stopped.is_set():
-        with database.reading() as session:
-            pump = session.get(Pump, pump_id)
-            if pump is None or newer_release(session, pump_id) is not None:
-                break
-            anew = knowledge(session, pump, archive, most_anew=CHUNK).anew
-        if not anew:
-            break
-        with database.writing() as session:
-            locked = session.scalar(select(Pump).where(Pump.id == pump_id).with_for_update())
-            if locked is None or newer_release(session, pump_id) is not None:
-                break
-            take_over(locked, whole=False)
-            for row in session.scalars(select(Record).where(Record.id.in_(anew), Record.status == ANALYSED)):
-                keep_analysis(row, anew[row.id])
-        count += len(anew)
-    return count
+    judged = exists().where(StoredAssessment.pump_id == Pump.id)  # of records that were all withdrawn
+    return list(session.scalars(select(Pump.id).where(is_ours(), due, or_(counts, judged)).order_by(Pump.id)))
 
 
 class Renewal:
-    """The renewal of a fleet; a pump that cannot be read now keeps its verdicts until the next start."""
+    """The renewal of a fleet; a pump that cannot be made now is tried again, later and later, every five minutes at last."""
 
     def __init__(self, database: Database, archive: Archive) -> None:
         self._database = database
         self._archive = archive
-        self._failed: set[int] = set()
+        self._put_off: dict[int, tuple[float, float]] = {}
         self._started = False
 
     def due(self) -> list[int]:
         """Pumps that are due, those of another build of this very release too until they have been seen once."""
         with self._database.reading() as session:
-            due = [i for i in due_pumps(session, own_release=not self._started) if i not in self._failed]
+            marked = due_pumps(session, own_release=not self._started)
+        now = time.monotonic()
+        due = [i for i in marked if self._put_off.get(i, (0.0, 0.0))[0] <= now]
         self._started = self._started or not due
         return due
 
@@ -97,7 +71,7 @@ class Renewal:
         random.shuffle(due)  # replicas that start together share the work
         if not due:
             return 0
-        log.info("reductions and verdicts of other code are made again", pumps=len(due))
+        log.info("reductions and verdicts are made again", pumps=len(due))
         began, records = time.perf_counter(), 0
         for pump_id in due:
             if stopped.is_set():
@@ -105,24 +79,34 @@ class Renewal:
             try:
                 records += self._renew(pump_id, stopped)
             except Problem as problem:
-                self._failed.add(pump_id)
-                log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
+                pause = self._later(pump_id)
+                log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail, again_in_s=pause)
             except Exception as error:
                 if is_passing(error):
                     raise
-                self._failed.add(pump_id)
-                log.exception("verdicts left as they were", pump_id=pump_id)
+                log.exception("verdicts left as they were", pump_id=pump_id, again_in_s=self._later(pump_id))
+            else:
+                self._put_off.pop(pump_id, None)
         else:
             self._started = True
         seconds = round(time.perf_counter() - began, 1)
         log.info("made again", pumps=len(due), records=records, seconds=seconds, unfinished=stopped.is_set())
         return records
 
+    def _later(self, pump_id: int) -> float:
+        """Put a pump off that has failed; gives for how long [s]."""
+        pause = min(2.0 * self._put_off.get(pump_id, (0.0, 0.5 * _FIRST_PAUSE_S))[1], _LONGEST_PAUSE_S)
+        self._put_off[pump_id] = (time.monotonic() + pause, pause)
+        return pause
+
     def _renew(self, pump_id: int, stopped: Event) -> int:
         with self._database.reading() as session:
-            if session.scalar(select(Pump.made_with).where(Pump.id == pump_id)) == made_with():
-                return 0  # another process, or an upload, was quicker
+            query = select(Pump.made_with, Pump.made_by).where(Pump.id == pump_id)
+            made = session.execute(query).first()
+        if made is None or made.made_with == made_with():
+            return 0  # another process, or an upload, was quicker
         records = reduced_again(self._database, self._archive, pump_id, stopped)
         if not stopped.is_set():
-            reprocessed(self._database, self._archive, pump_id, CAUSE)
+            is_left = made.made_with is None and made.made_by == release_number()
+            reprocessed(self._database, self._archive, pump_id, REPROCESSED if is_left else CAUSE)
         return records

@@ -24,8 +24,9 @@ log = structlog.get_logger("casedrain")
 
 @dataclass(slots=True)
 class _Left:
-    """A pump whose later verdicts are to be made: why, and when its last record came [s]."""
+    """A pump whose later verdicts are to be made: whose it is, why, and when its last record came [s]."""
 
+    operator: str
     cause: Cause
     touched_at: float
     touches: int = 0
@@ -46,12 +47,12 @@ class Settling:
         """Whether there is any."""
         return bool(self._left)
 
-    def leave(self, pump_id: int, cause: Cause) -> None:
-        """Note that verdicts of a pump are to be made."""
+    def leave(self, pump_id: int, operator: str, cause: Cause) -> None:
+        """Note that verdicts of an operator's pump are to be made."""
         with self._changed:
             held = self._left.get(pump_id)
             touches = held.touches + 1 if held else 0
-            self._left[pump_id] = _Left(cause, time.monotonic(), touches)
+            self._left[pump_id] = _Left(operator, cause, time.monotonic(), touches)
             if self._thread is None and not self._closed:
                 self._thread = threading.Thread(target=self._run, name="settling", daemon=True)
                 self._thread.start()
@@ -65,9 +66,14 @@ class Settling:
                 held.touches += 1
                 held.touched_at = time.monotonic()
 
-    def settle(self) -> None:
-        """Make what is left of every pump, now; one that cannot be made keeps its verdicts until its next record."""
+    def settle(self, operator: str | None = None) -> None:
+        """Make what is left of every pump of an operator, or of all, now; whoever reads others' does not wait for it.
+
+        One that cannot be made keeps its verdicts until its next record.
+        """
         for pump_id, held in list(self._left.items()):
+            if operator not in (None, held.operator):
+                continue
             self.touch(pump_id)  # whoever makes it in the background stops
             before = held.touches
             try:

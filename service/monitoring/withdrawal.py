@@ -1,4 +1,4 @@
-"""Withdrawing a record: it no longer counts, its bytes are kept, its pump is folded anew."""
+"""Withdrawing a record: it no longer counts, its bytes are kept, its pump is folded anew behind the commit."""
 
 from datetime import UTC, datetime
 
@@ -10,7 +10,8 @@ from service.access.security import Principal
 from service.errors import Conflict
 from service.history.archive import Archive
 from service.history.neighbours import newly_contradicted
-from service.monitoring.refold import Cause, refold
+from service.monitoring.behind import fold_behind
+from service.monitoring.refold import Cause
 from service.reading import queries
 from service.storage.tables import ANALYSED, WITHDRAWN, Pump, Record
 
@@ -42,6 +43,5 @@ def withdraw_record(session: Session, asker: Principal, record_id: str, reason: 
     found.withdrawal = {"reason": reason, "author": asker.owner}
     audit.note(session, asker, "record.withdraw", f"record/{record_id}", found.operator, {"reason": reason})
     session.flush()
-    for pump in pumps:
-        refold(session, pump, archive, Cause("record_withdrawn", record_id))
+    fold_behind(session, pumps, archive, Cause("record_withdrawn", record_id))
     return found

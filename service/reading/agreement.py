@@ -1,9 +1,7 @@
 """How often the workshop agreed with the verdicts: false alarms, missed faults, right sides."""
 
-from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import datetime
 
 from scipy.stats import binomtest
 from sqlalchemy import select
@@ -33,18 +31,19 @@ class JudgedFinding:
 
 def judged_findings(session: Session, principal: Principal) -> list[JudgedFinding]:
     """Every finding that the asker may see, beside the verdict at its instant (today's knowledge)."""
-    query = select(Finding.pump_id, Finding.at, Finding.found).join(Pump, Finding.pump_id == Pump.id)
-    query = query.where(Finding.withdrawn_at.is_(None))
+    # pump by pump from the end of the index: whole histories grow
+    by_then = (
+        select(StoredAssessment.state)
+        .where(StoredAssessment.pump_id == Finding.pump_id, StoredAssessment.at <= Finding.at)
+        .order_by(StoredAssessment.at.desc(), StoredAssessment.record_id.desc())
+        .limit(1)
+        .correlate(Finding)
+        .scalar_subquery()
+    )
+    query = select(Finding.found, by_then).where(Finding.withdrawn_at.is_(None))
     if principal.operator is not None:
-        query = query.where(Pump.operator == principal.operator)
-    rows = session.execute(query).all()
-    states = _states(session, {pump_id for pump_id, _, _ in rows})
-    judged = []
-    for pump_id, at, found in rows:
-        history = states.get(pump_id, [])
-        place = bisect_right(history, at, key=lambda item: item[0])
-        judged.append(JudgedFinding(found, history[place - 1][1] if place else None))
-    return judged
+        query = query.join(Pump, Finding.pump_id == Pump.id).where(Pump.operator == principal.operator)
+    return [JudgedFinding(found, state) for found, state in session.execute(query)]
 
 
 def rates(judged: Iterable[JudgedFinding]) -> Agreement:
@@ -73,12 +72,3 @@ def share_of(cases: int, of: int) -> Share:
         return {"cases": 0, "of": 0, "share": None, "low": None, "high": None}
     interval = binomtest(cases, of).proportion_ci(0.95, method="wilson")
     return {"cases": cases, "of": of, "share": cases / of, "low": float(interval.low), "high": float(interval.high)}
-
-
-def _states(session: Session, pump_ids: Iterable[int]) -> dict[int, Sequence[tuple[datetime, str]]]:
-    query = select(StoredAssessment.pump_id, StoredAssessment.at, StoredAssessment.state)
-    query = query.where(StoredAssessment.pump_id.in_(pump_ids))
-    found: dict[int, list[tuple[datetime, str]]] = {}
-    for pump_id, at, state in session.execute(query.order_by(StoredAssessment.at, StoredAssessment.record_id)):
-        found.setdefault(pump_id, []).append((at, state))
-    return dict(found)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
+from typing import NamedTuple
 
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
@@ -11,7 +12,7 @@ from sqlalchemy.orm import Session
 from detectors.words.states import State
 from service.alarms.reading import state_of
 from service.history.knowledge import entries
-from service.reading.trend import SeenRecord
+from service.reading.pump_history import PumpHistory
 from service.storage.tables import Alarm, Finding, Installation, MaintenanceEvent, Pump, ThresholdVersion
 
 EXCHANGE, MAINTENANCE, FINDING, ALARM, BASELINE, THRESHOLDS = (
@@ -29,36 +30,61 @@ class PumpEvent:
     note: str = ""
 
 
+class Entered(NamedTuple):
+    """What people have entered about a pump and counts now, in the order in which they did."""
+
+    installations: Sequence[Installation]
+    maintenance: Sequence[MaintenanceEvent]
+    findings: Sequence[Finding]
+
+
+def entered_of(session: Session, pump_id: int) -> Entered:
+    """What counts of a pump's entries."""
+    return Entered(
+        entries(session, Installation, pump_id),
+        entries(session, MaintenanceEvent, pump_id),
+        entries(session, Finding, pump_id),
+    )
+
+
 def events_of(
-    session: Session, pump: Pump, seen: Sequence[SeenRecord], since: datetime | None, until: datetime | None
+    session: Session,
+    pump: Pump,
+    entered: Entered,
+    seen: PumpHistory,
+    since: datetime | None,
+    until: datetime | None,
 ) -> list[PumpEvent]:
     """Events of a pump from ``since`` on and before ``until``, in order.
 
     ``seen`` are its records of that time: changes of place and of the baseline are read from them. Thresholds count
     when they were published, everything else in event time.
     """
-    found = [*_of_records(seen), *_entered(session, pump), *_alarms(session, pump), *_thresholds(session, pump)]
+    found = [*_of_records(seen), *_entered(entered), *_alarms(session, pump), *_thresholds(session, pump)]
     inside = [e for e in found if (since is None or e.at >= since) and (until is None or e.at < until)]
     return sorted(inside, key=lambda e: (e.at, e.kind, e.what))
 
 
-def _of_records(seen: Sequence[SeenRecord]) -> list[PumpEvent]:
+def _of_records(seen: PumpHistory) -> list[PumpEvent]:
     found = []
-    for before, after in pairwise(seen):
-        if (before.aircraft, before.position) != (after.aircraft, after.position):
-            found.append(PumpEvent(after.at, EXCHANGE, f"now in {after.aircraft} {after.position}"))
-        learnt = [record.state == State.INSUFFICIENT_DATA for record in (before, after)]
+    places = pairwise(zip(seen.aircraft, seen.position, seen.state, strict=True))
+    for i, (before, after) in enumerate(places, 1):
+        if before == after:
+            continue
+        if before[:2] != after[:2]:
+            found.append(PumpEvent(seen.instant(i), EXCHANGE, f"now in {after[0]} {after[1]}"))
+        learnt = [state == State.INSUFFICIENT_DATA for state in (before[2], after[2])]
         if learnt == [True, False]:
-            found.append(PumpEvent(after.at, BASELINE, "complete"))
+            found.append(PumpEvent(seen.instant(i), BASELINE, "complete"))
         elif learnt == [False, True]:
-            found.append(PumpEvent(after.at, BASELINE, "begins anew"))
+            found.append(PumpEvent(seen.instant(i), BASELINE, "begins anew"))
     return found
 
 
-def _entered(session: Session, pump: Pump) -> list[PumpEvent]:
-    found = [PumpEvent(e.at, MAINTENANCE, e.action, e.note) for e in entries(session, MaintenanceEvent, pump.id)]
-    found += [PumpEvent(f.at, FINDING, f.found, f.note) for f in entries(session, Finding, pump.id)]
-    for place in entries(session, Installation, pump.id):
+def _entered(entered: Entered) -> list[PumpEvent]:
+    found = [PumpEvent(e.at, MAINTENANCE, e.action, e.note) for e in entered.maintenance]
+    found += [PumpEvent(f.at, FINDING, f.found, f.note) for f in entered.findings]
+    for place in entered.installations:
         where = f"{place.aircraft} {place.position}"
         found.append(PumpEvent(place.installed_at, EXCHANGE, f"installed in {where}"))
         if place.removed_at is not None:

@@ -21,7 +21,9 @@ from service.answers.fleet import FleetTrendPoint, TrendGroup
 from service.answers.words import instant
 from service.reading import queries
 from service.reading.by_link import ByLink
+from service.reading.queries import Listed
 from service.reading.trend import between, kept_places, numbers_of
+from service.storage.among import among
 from service.storage.tables import Pump, Record, StoredAssessment
 
 GroupBy = Literal["pump_type", "operator", "position", "aircraft", "age"]
@@ -29,6 +31,8 @@ AGE_BAND_H = 500
 """Flight hours of a pump that one group of the same age holds."""
 _ROWS_AT_ONCE = 2000
 """Rows that a stream fetches at once (our choice)."""
+_PUMPS_AT_ONCE = 200
+"""Pumps of one statement: histories that nobody has asked for yet may take longer than a statement may (our choice)."""
 _PER_PUMP = 120
 """Points of one pump that a trend over whole histories is made of: a fleet's trend shows fewer of each (our choice)."""
 _MOST = 12_000
@@ -67,7 +71,7 @@ def fleet_trend(
     By age a pump passes from group to group as it flies: what pumps of the same flight hours show lies together. Over
     whole histories of many records each pump takes part with the lowest and the highest of its own stretches.
     """
-    pumps = list(session.scalars(queries.pumps(principal)))
+    pumps = queries.listed(session, principal)
     if since is None and until is None:
         found = _remembered(session, pumps, metric)
     else:
@@ -75,7 +79,7 @@ def fleet_trend(
         if principal.operator is not None:
             query = query.join(Pump, Pump.id == StoredAssessment.pump_id).where(Pump.operator == principal.operator)
         found = dict(_read(session, query))
-    groups: dict[tuple[float, str], list[tuple[Pump, _PumpTrend, NDArray[np.intp]]]] = {}
+    groups: dict[tuple[float, str], list[tuple[Listed, _PumpTrend, NDArray[np.intp]]]] = {}
     for pump in pumps:
         if pump.id in found:
             for name, places in _groups(pump, found[pump.id], group_by):
@@ -103,14 +107,17 @@ def _read(session: Session, query: Select[*tuple[Any, ...]]) -> Iterator[tuple[i
             yield pump_id, _PumpTrend(instants, *numbers, ages, record_id, aircraft, position)
 
 
-def _remembered(session: Session, pumps: Sequence[Pump], metric: str) -> dict[int, _PumpTrend]:
+def _remembered(session: Session, pumps: Sequence[Listed], metric: str) -> dict[int, _PumpTrend]:
     """Thinned points of pumps over their whole history, read where no earlier question has."""
 
     def read(pump_ids: list[int]) -> dict[int, _PumpTrend]:
-        query = _points(metric).where(StoredAssessment.pump_id.in_(pump_ids))
-        return {i: _thinned(trend) for i, trend in _read(session, query)}
+        found: dict[int, _PumpTrend] = {}
+        for start in range(0, len(pump_ids), _PUMPS_AT_ONCE):
+            query = _points(metric).where(among(StoredAssessment.pump_id, pump_ids[start : start + _PUMPS_AT_ONCE]))
+            found |= {i: _thinned(trend) for i, trend in _read(session, query)}
+        return found
 
-    return _kept.of(session, [pump.id for pump in pumps], read, metric)
+    return _kept.of(session, pumps, read, metric)
 
 
 def _thinned(trend: _PumpTrend) -> _PumpTrend:
@@ -127,7 +134,7 @@ def _thinned(trend: _PumpTrend) -> _PumpTrend:
     )
 
 
-def _groups(pump: Pump, trend: _PumpTrend, group_by: GroupBy) -> Iterator[tuple[tuple[float, str], NDArray[np.intp]]]:
+def _groups(pump: Listed, trend: _PumpTrend, group_by: GroupBy) -> Iterator[tuple[tuple[float, str], NDArray[np.intp]]]:
     """Groups that a pump takes part in, with the places of its points in each."""
     if group_by in ("pump_type", "operator"):
         yield (0.0, getattr(pump, group_by)), np.arange(len(trend.at))
@@ -143,7 +150,7 @@ def _groups(pump: Pump, trend: _PumpTrend, group_by: GroupBy) -> Iterator[tuple[
     yield from ((name, np.array(held)) for name, held in places.items())
 
 
-def _group(name: str, parts: Sequence[tuple[Pump, _PumpTrend, NDArray[np.intp]]], most: int) -> TrendGroup:
+def _group(name: str, parts: Sequence[tuple[Listed, _PumpTrend, NDArray[np.intp]]], most: int) -> TrendGroup:
     at = np.concatenate([trend.at[places] for _, trend, places in parts])
     owner = np.repeat(np.arange(len(parts)), [len(places) for _, _, places in parts])
     place = np.concatenate([places for _, _, places in parts])
@@ -154,7 +161,7 @@ def _group(name: str, parts: Sequence[tuple[Pump, _PumpTrend, NDArray[np.intp]]]
     return {"group": name, "pumps": len(parts), "items": items}
 
 
-def _item(pump: Pump, trend: _PumpTrend, i: int) -> FleetTrendPoint:
+def _item(pump: Listed, trend: _PumpTrend, i: int) -> FleetTrendPoint:
     return {
         "at": instant(datetime.fromtimestamp(float(trend.at[i]), tz=UTC)),
         "value": float(trend.value[i]),

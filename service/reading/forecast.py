@@ -25,6 +25,7 @@ from service.history.knowledge import installation_intervals
 from service.history.placement import changes
 from service.reading import queries
 from service.reading.by_link import ByLink
+from service.reading.pump_history import history_of
 from service.reading.queries import TrendOfRecord
 from service.storage.tables import Pump
 from service.thresholds.layers import thresholds_of
@@ -98,21 +99,24 @@ def forecast_of(session: Session, pump: Pump) -> Forecasted:
     return _forecasted(queries.trends_of_records(session, pump.id, METRIC), entered, limit)
 
 
-def forecast_and_crossing(session: Session, pump: Pump, verdict: Verdict) -> tuple[Forecasted, Verdict]:
-    """What ``forecast_of`` and ``with_crossing`` give now, from one reading of the pump's records for each state of them."""
-    thresholds = thresholds_of(session, pump.operator, pump.serial, pump.pump_type).values
-    entered = changes(installation_intervals(session, pump.id))
+def forecast_and_crossing(
+    session: Session, pump: Pump, verdict: Verdict, thresholds: Mapping[str, float], entered: Sequence[datetime]
+) -> tuple[Forecasted, Verdict]:
+    """What ``forecast_of`` and ``with_crossing`` give now, from one reading of the pump's records for each state of them.
+
+    ``thresholds`` are those of the pump now, ``entered`` the instants at which entries say that it changed its place.
+    """
     limit, interval = thresholds["case_flow_limit_lpm"], thresholds["inspection_interval_h"]
 
     def read(pump_ids: list[int]) -> dict[int, tuple[Forecasted, Crossing | None]]:
-        rows = queries.trends_of_records(session, pump.id, METRIC)
+        rows = history_of(session, pump).trend(METRIC)
         return {
             i: (_forecasted(rows, entered, limit), crossed(verdict, rows, entered, thresholds)["crossing"])
             for i in pump_ids
         }
 
     given = repr((limit, interval, entered, verdict.get("probability_beyond_limit")))
-    found = _kept.of(session, [pump.id], read, given)
+    found = _kept.of(session, [pump], read, given)
     if pump.id not in found:
         return _forecasted([], entered, limit), crossed(verdict, [], entered, thresholds)
     forecast, crossing = found[pump.id]

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
-from sqlalchemy import ScalarSelect, Select, func, or_, select, tuple_
+from sqlalchemy import ColumnElement, ScalarSelect, Select, func, or_, select, tuple_
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from service.access.security import Principal
@@ -16,6 +16,7 @@ from service.answers.words import instant
 from service.errors import NotFound
 from service.history.verdicts import empty_verdict
 from service.pump_types.parameter_sets import held_type
+from service.storage.among import among
 from service.storage.tables import (
     Aircraft,
     Alarm,
@@ -159,6 +160,28 @@ class WantedPumps:
 _ALL_PUMPS = WantedPumps()
 
 
+class Listed(NamedTuple):
+    """What lists need of a pump's row: a whole fleet's are read with every page."""
+
+    id: int
+    operator: str
+    serial: str
+    pump_type: str
+    confirmed: bool
+    revision: int
+    standing_at: int | None
+    standing_link: str | None
+
+
+def listed(session: Session, principal: Principal, *conditions: ColumnElement[bool]) -> list[Listed]:
+    """Every pump that a principal may see and for which conditions hold, by operator and serial number."""
+    held = (Pump.id, Pump.operator, Pump.serial, Pump.pump_type, Pump.confirmed, Pump.revision)
+    rows = session.execute(
+        pumps(principal).where(*conditions).with_only_columns(*held, Pump.standing_at, Pump.standing_link)
+    )
+    return [Listed._make(row) for row in rows]
+
+
 def pumps(principal: Principal, after: Sequence[Any] | None = None, wanted: WantedPumps = _ALL_PUMPS) -> Select[Pump]:
     """Pumps by operator and serial; narrowed by their newest verdict, where they were last, and their open alarm."""
     query = select(Pump)
@@ -177,7 +200,7 @@ def pumps(principal: Principal, after: Sequence[Any] | None = None, wanted: Want
     if wanted.priority is not None:
         query = query.where(func.coalesce(_open_priority(), "none") == wanted.priority)
     if wanted.silent is not None:
-        is_silent = Pump.id.in_(wanted.silent_ids)
+        is_silent = among(Pump.id, wanted.silent_ids)
         query = query.where(is_silent if wanted.silent else ~is_silent)
     return query.order_by(Pump.operator, Pump.serial)
 
@@ -261,7 +284,7 @@ def newest_flows(session: Session, pump_ids: Sequence[int], n: int) -> dict[int,
         .correlate(Pump)
         .scalar_subquery()
     )
-    firsts = select(Pump.id, since.label("since")).where(Pump.id.in_(pump_ids)).cte("firsts")
+    firsts = select(Pump.id, since.label("since")).where(among(Pump.id, pump_ids)).cte("firsts")
     firsts = firsts.prefix_with("MATERIALIZED")
     query = select(kept.pump_id, kept.at, kept.record_id, *parts)
     query = query.join(firsts, (firsts.c.id == kept.pump_id) & ((kept.at >= firsts.c.since) | firsts.c.since.is_(None)))
@@ -290,7 +313,7 @@ def newest_records(pump_ids: Sequence[int]) -> Select[str | None]:
         .correlate(Pump)
         .scalar_subquery()
     )
-    return select(newest).where(Pump.id.in_(pump_ids))
+    return select(newest).where(among(Pump.id, pump_ids))
 
 
 def verdict(session: Session, row: Pump, at: datetime | None = None) -> Verdict:
@@ -325,7 +348,7 @@ def revisions(pump_id: int, after: int | None = None) -> Select[VerdictRevision]
 
 def n_records(session: Session, pump_ids: Sequence[int]) -> dict[int, int]:
     """Number of records that count, by pump."""
-    query = select(StoredAssessment.pump_id, func.count()).where(StoredAssessment.pump_id.in_(pump_ids))
+    query = select(StoredAssessment.pump_id, func.count()).where(among(StoredAssessment.pump_id, pump_ids))
     return {pump_id: int(n) for pump_id, n in session.execute(query.group_by(StoredAssessment.pump_id))}
 
 

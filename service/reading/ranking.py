@@ -1,7 +1,9 @@
 """Which pump first, and why: the fleet by urgency with reasons in plain words."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import select
@@ -10,42 +12,68 @@ from sqlalchemy.orm import Session
 from detectors.words.states import QUIET, row_of
 from service.alarms.life_cycle import PRIORITIES
 from service.answers import pumps as answers
+from service.reading.queries import Listed
 from service.reading.standing import Standing
+from service.storage.among import among
 from service.storage.tables import Alarm, Pump
 from service.thresholds.layers import thresholds_of_many
 from service.units import METRIC, UnitSystem
 
 
+@cache
+def _urgency(word: str) -> int:
+    return row_of(word).urgency
+
+
 def by_state(pump: answers.Pump) -> tuple[Any, ...]:
     """Sorting key of a pump as the API shows it, by its state alone."""
-    return row_of(pump["state"]).urgency, -pump["confidence"], pump["operator"], pump["serial"]
+    return _urgency(pump["state"]), -pump["confidence"], pump["operator"], pump["serial"]
 
 
-def ranked(
-    session: Session,
-    rows: Sequence[Pump],
-    shown: Sequence[answers.Pump],
-    standing: Mapping[int, Standing],
-    system: UnitSystem = METRIC,
-) -> list[answers.RankedPump]:
-    """Pumps as the API shows them with rank, urgency and reasons, the most urgent first; reasons in the reader's units.
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """A pump in its place, the most urgent has the rank 1; its reasons are put into words where they are asked for."""
+
+    rank: int
+    pump: answers.Pump
+    urgency: str
+    _standing: Standing | None
+    _alarm: "_OpenAlarm | None"
+    _limit: float
+
+    def document(self, system: UnitSystem = METRIC) -> answers.RankedPump:
+        """As the API shows it, its reasons in the reader's units."""
+        reasons = _reasons(self.pump, self._standing, self._alarm, self._limit, system)
+        return {"rank": self.rank, **self.pump, "urgency": self.urgency, "reasons": reasons}
+
+
+def in_order(
+    session: Session, rows: Sequence[Pump | Listed], shown: Sequence[answers.Pump], standing: Mapping[int, Standing]
+) -> list[Ranked]:
+    """Pumps as the API shows them in their places, the most urgent first.
 
     An open alarm's priority decides first, then whether somebody has dealt with it, then the state.
     """
     alarms = _open_alarms(session, [row.id for row in rows])
     thresholds = thresholds_of_many(session, rows)
-    items: list[tuple[tuple[Any, ...], answers.Pump, str, list[str]]] = []
-    for row, pump in zip(rows, shown, strict=True):
-        alarm = alarms.get(row.id)
-        limit = thresholds[row.id].values["case_flow_limit_lpm"]
+    placed = sorted(zip(rows, shown, strict=True), key=lambda item: _place(alarms.get(item[0].id), item[1]))
+    found = []
+    for rank, (row, pump) in enumerate(placed, 1):
+        alarm, limit = alarms.get(row.id), thresholds[row.id].values["case_flow_limit_lpm"]
         urgency = alarm.priority if alarm is not None else "none"
-        reasons = _reasons(pump, standing.get(row.id), alarm, limit, system)
-        items.append((_place(alarm, pump), pump, urgency, reasons))
-    items.sort(key=lambda item: item[0])
-    return [
-        {"rank": i + 1, **pump, "urgency": urgency, "reasons": reasons}
-        for i, (_, pump, urgency, reasons) in enumerate(items)
-    ]
+        found.append(Ranked(rank, pump, urgency, standing.get(row.id), alarm, limit))
+    return found
+
+
+def ranked(
+    session: Session,
+    rows: Sequence[Pump | Listed],
+    shown: Sequence[answers.Pump],
+    standing: Mapping[int, Standing],
+    system: UnitSystem = METRIC,
+) -> list[answers.RankedPump]:
+    """The same as the API shows them, with urgency and reasons in plain words and the reader's units."""
+    return [place.document(system) for place in in_order(session, rows, shown, standing)]
 
 
 class _OpenAlarm(NamedTuple):
@@ -68,7 +96,7 @@ def _open_alarms(session: Session, pump_ids: Sequence[int]) -> dict[int, _OpenAl
     held = (Alarm.pump_id, Alarm.priority, Alarm.acknowledged, Alarm.condition, Alarm.shelved_until, Alarm.onset_at)
     query = (
         select(*held)
-        .where(Alarm.pump_id.in_(pump_ids), Alarm.withdrawn_at.is_(None), Alarm.closed_at.is_(None))
+        .where(among(Alarm.pump_id, pump_ids), Alarm.withdrawn_at.is_(None), Alarm.closed_at.is_(None))
         .where((Alarm.condition == "active") | Alarm.acknowledged.is_(False))
         .order_by(Alarm.raised_at, Alarm.id)
     )

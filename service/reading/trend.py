@@ -1,7 +1,6 @@
 """Trends from stored assessments, thinned without losing extremes."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, TypeVar
 
@@ -15,6 +14,7 @@ from detectors.words.verdict import TREND_METRICS
 from service.answers.pumps import PositionTrendPoint, TrendPoint
 from service.answers.words import instant
 from service.errors import Fault, Invalid
+from service.reading.queries import newest_records
 from service.storage.tables import Pump, Record, StoredAssessment
 
 Point = TypeVar("Point", bound=TrendPoint)
@@ -125,33 +125,15 @@ def position_trend(
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class SeenRecord:
-    """What one record added to every trend, and what was known of the pump then."""
-
-    at: datetime
-    record_id: str
-    aircraft: str
-    position: str
-    state: str
-    flight_hours: float | None
-    trend: Mapping[str, Any]
-    zero: Mapping[str, Any] | None
-
-    def point(self, metric: str) -> TrendPoint | None:
-        """Its point of a metric; None where it has none."""
-        return _point(metric, self.at, self.record_id, self.zero if metric == ZERO else self.trend.get(metric))
-
-
-def records_seen(
-    session: Session, where: ColumnElement[bool], since: datetime | None = None, until: datetime | None = None
-) -> list[SeenRecord]:
-    """Records whose assessments fit, with every metric, in event order: one statement for a page of trends."""
+def newest_values(session: Session, pump_ids: Sequence[int], metrics: Sequence[str]) -> dict[int, dict[str, float]]:
+    """What each pump's newest record says of the metrics that it has a value of."""
     kept = StoredAssessment
-    columns = (kept.at, kept.record_id, kept.aircraft, kept.position, kept.state)
-    query = select(*columns, Record.flight_hours, kept.trend, Record.reduction["zero"])
-    query = between(query.join(Record, Record.id == kept.record_id).where(where), since, until)
-    return [SeenRecord(*row) for row in session.execute(query.order_by(kept.at, kept.record_id))]
+    query = select(kept.pump_id, kept.trend, Record.reduction["zero"]).join(Record, Record.id == kept.record_id)
+    found: dict[int, dict[str, float]] = {}
+    for pump_id, trend, zero in session.execute(query.where(kept.record_id.in_(newest_records(pump_ids)))):
+        values = {m: estimated(m, zero if m == ZERO else trend.get(m)) for m in metrics}
+        found[pump_id] = {m: value[0] for m, value in values.items() if value is not None}
+    return found
 
 
 def thinned(items: Sequence[Point], most: int) -> list[Point]:

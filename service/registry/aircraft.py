@@ -17,7 +17,8 @@ from service.history.archive import Archive
 from service.history.knowledge import registry_values
 from service.history.setting import CIRCUIT_DOCUMENT, DEFAULT_CIRCUIT
 from service.ingest.names import look_of
-from service.monitoring.refold import Cause, refold
+from service.monitoring.behind import fold_behind
+from service.monitoring.refold import Cause
 from service.pump_types.circuits import asked_circuit
 from service.registry.fields import Instant, Name
 from service.registry.locks import lock_aircraft, locked_pumps
@@ -131,7 +132,7 @@ def create(session: Session, operator: str, body: NewAircraft, author: str) -> A
 
 
 def change(session: Session, row: Aircraft, body: AircraftChange, author: str, archive: Archive) -> None:
-    """Change an aircraft and fold anew every pump that was ever on it, in this one transaction."""
+    """Change an aircraft; every pump that was ever on it is folded anew behind the commit."""
     check_sensors(body.sensors)
     locked_pumps(session, _pumps_on(session, row))
     lock_aircraft(session, row)
@@ -144,8 +145,8 @@ def change(session: Session, row: Aircraft, body: AircraftChange, author: str, a
         values |= _around(session, row.operator, body.circuit)
     _append(session, row, values, author)
     if any(values[name] != held[name] for name in ("fluid", "circuit", "sensors")):
-        for pump in locked_pumps(session, _pumps_on(session, row)):
-            refold(session, pump, archive, Cause("aircraft_changed", row.name))
+        pumps = locked_pumps(session, _pumps_on(session, row))
+        fold_behind(session, pumps, archive, Cause("aircraft_changed", row.name))
 
 
 def _around(session: Session, operator: str, circuit: str) -> dict[str, Any]:

@@ -18,7 +18,8 @@ from service.bodies import Body
 from service.errors import Fault, Invalid, Problem, Undecodable
 from service.history.archive import Archive
 from service.history.neighbours import look_alikes
-from service.monitoring.refold import Cause, refold
+from service.monitoring.behind import fold_behind
+from service.monitoring.refold import Cause
 from service.reading import queries
 from service.registry import aircraft, installations, pumps
 from service.registry.fields import Name
@@ -109,8 +110,7 @@ def imported(session: Session, principal: Principal, kind: Kind, content: bytes,
             faults += [_located(number, fault.where.removeprefix("body."), fault.problem) for fault in named]
     if faults:
         raise Invalid(f"the file has {len(faults)} fault(s); nothing was changed", faults)
-    for pump in locked_pumps(session, moved):
-        refold(session, pump, archive, Cause(installations.CHANGED, "registry import"))
+    fold_behind(session, locked_pumps(session, moved), archive, Cause(installations.CHANGED, "registry import"))
     for operator, count in counts.items():
         if count["created"] or count["changed"]:
             audit.note(session, principal, "registry.import", f"registry/{kind}.csv", operator, count)

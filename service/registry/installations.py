@@ -16,7 +16,8 @@ from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
 from service.history.arrival import known_aircraft
 from service.history.knowledge import entries
-from service.monitoring.refold import Cause, refold
+from service.monitoring.behind import fold_behind
+from service.monitoring.refold import Cause
 from service.reading import queries
 from service.registry.entries import add, correct, entry, withdraw
 from service.registry.fields import Instant, Name
@@ -50,7 +51,7 @@ class InstallationChange(Body):
 def create(session: Session, pump: Pump, body: NewInstallation, author: str, archive: Archive) -> Installation:
     """Enter an installation of a locked pump and fold it anew."""
     row = entered(session, pump, body, author)
-    refold(session, pump, archive, Cause(CHANGED, row.id))
+    fold_behind(session, [pump], archive, Cause(CHANGED, row.id))
     return row
 
 
@@ -81,14 +82,14 @@ def change(
         },
     )
     corrected = correct(session, row, pump, author, _checked(session, pump, wanted, row))
-    refold(session, pump, archive, Cause(CHANGED, entry_id))
+    fold_behind(session, [pump], archive, Cause(CHANGED, entry_id))
     return corrected
 
 
 def remove(session: Session, pump: Pump, entry_id: str, archive: Archive) -> None:
     """Withdraw an installation of a locked pump and fold it anew."""
     withdraw(session, entry(session, Installation, pump, entry_id))
-    refold(session, pump, archive, Cause(CHANGED, entry_id))
+    fold_behind(session, [pump], archive, Cause(CHANGED, entry_id))
 
 
 def document(row: Installation) -> PlaceInTime:

@@ -10,7 +10,8 @@ from service.answers.words import instant
 from service.bodies import Body, known_fluid
 from service.errors import Fault, Invalid
 from service.history.archive import Archive
-from service.monitoring.refold import Cause, refold
+from service.monitoring.behind import fold_behind
+from service.monitoring.refold import Cause
 from service.registry.entries import add, correct, entry, withdraw
 from service.registry.fields import Instant, Name, Note
 from service.storage.tables import MaintenanceEvent, Pump
@@ -81,7 +82,7 @@ class MaintenanceChange(Body):
 def create(session: Session, pump: Pump, body: NewMaintenance, author: str, archive: Archive) -> MaintenanceEvent:
     """Enter a maintenance event of a locked pump and fold it anew."""
     row = add(session, MaintenanceEvent, pump, author, body.model_dump())
-    refold(session, pump, archive, Cause(CHANGED, row.id))
+    fold_behind(session, [pump], archive, Cause(CHANGED, row.id))
     return row
 
 
@@ -109,14 +110,14 @@ def change(
     if faults:
         raise Invalid(f"{len(faults)} detail(s) belong to another action; nothing was changed", faults)
     corrected = correct(session, row, pump, author, values)
-    refold(session, pump, archive, Cause(CHANGED, entry_id))
+    fold_behind(session, [pump], archive, Cause(CHANGED, entry_id))
     return corrected
 
 
 def remove(session: Session, pump: Pump, entry_id: str, archive: Archive) -> None:
     """Withdraw a maintenance event of a locked pump and fold it anew."""
     withdraw(session, entry(session, MaintenanceEvent, pump, entry_id))
-    refold(session, pump, archive, Cause(CHANGED, entry_id))
+    fold_behind(session, [pump], archive, Cause(CHANGED, entry_id))
 
 
 def document(row: MaintenanceEvent) -> answers.MaintenanceEvent:

@@ -13,7 +13,8 @@ from service.answers.words import instant
 from service.bodies import Body
 from service.errors import Conflict, NotFound
 from service.history.archive import Archive
-from service.monitoring.refold import Cause, refold
+from service.monitoring.behind import fold_behind
+from service.monitoring.refold import Cause
 from service.reading import queries
 from service.registry.entries import add, withdraw
 from service.registry.fields import Reason
@@ -63,7 +64,7 @@ def locked(session: Session, asker: Principal, record_id: str) -> tuple[Record, 
 def create(session: Session, record: Record, pump: Pump, body: NewMark, author: str, archive: Archive) -> RecordMark:
     """Mark a stretch of a record of a locked pump and fold it anew."""
     row = add(session, RecordMark, pump, author, {"record_id": record.id, **body.model_dump()})
-    refold(session, pump, archive, Cause(CHANGED, record.id))
+    fold_behind(session, [pump], archive, Cause(CHANGED, record.id))
     return row
 
 
@@ -79,7 +80,7 @@ def remove(session: Session, record: Record, pump: Pump, mark_id: str, archive: 
     if row is None:
         raise NotFound(f"record {record.id} has no mark {mark_id} that counts")
     withdraw(session, row)
-    refold(session, pump, archive, Cause(CHANGED, record.id))
+    fold_behind(session, [pump], archive, Cause(CHANGED, record.id))
 
 
 def marks(session: Session, record: Record) -> Sequence[RecordMark]:

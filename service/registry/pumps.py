@@ -13,7 +13,8 @@ from service.history.archive import Archive
 from service.history.knowledge import registry_values
 from service.ingest.decode import DEFAULT_PUMP_TYPE
 from service.ingest.names import look_of
-from service.monitoring.refold import Cause, refold
+from service.monitoring.behind import fold_behind
+from service.monitoring.refold import Cause
 from service.pump_types.parameter_sets import asked_type
 from service.registry.fields import Name
 from service.storage.tables import Pump, RegistryVersion
@@ -77,7 +78,7 @@ def change(session: Session, pump: Pump, body: PumpChange, author: str, archive:
         return
     _append(session, pump, values, author)
     pump.confirmed = body.confirmed
-    refold(session, pump, archive, Cause("pump_changed", pump.serial))
+    fold_behind(session, [pump], archive, Cause("pump_changed", pump.serial))
 
 
 def _append(session: Session, pump: Pump, values: dict[str, Any], author: str) -> None:

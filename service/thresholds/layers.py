@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any, Protocol
 
 from sqlalchemy import ColumnElement, and_, func, or_, select, text
 from sqlalchemy.orm import Session
@@ -29,6 +30,19 @@ class Scope:
     kind: str
     id: str
     operator: str | None = None
+
+
+class Named(Protocol):
+    """A pump by what its thresholds depend on: its row, or what lists hold of it."""
+
+    @property
+    def id(self) -> Any: ...
+    @property
+    def operator(self) -> Any: ...
+    @property
+    def serial(self) -> Any: ...
+    @property
+    def pump_type(self) -> Any: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,30 +285,33 @@ def default_thresholds(session: Session, operator: str, kind: str) -> Effective:
     return _laid((), find_type(session, operator, kind))
 
 
-def thresholds_of_many(session: Session, pumps: Sequence[Pump]) -> dict[int, Effective]:
+def thresholds_of_many(session: Session, pumps: Sequence[Named]) -> dict[int, Effective]:
     """Effective thresholds of many pumps now, by the pump's number: what ``thresholds_of`` gives for each.
 
     The layers are read once for all of them; pumps that are held at a version are looked at one by one.
     """
     newest, kinds = _newest_rows(session), {}
+    own = {(scope.operator, scope.id) for scope in newest if scope.kind == "pump"}
     held = held_pumps(session)
     found: dict[int, Effective] = {}
-    alike: dict[tuple[object, ...], Effective] = {}
+    alike: dict[tuple[str, str], Effective] = {}
     for pump in pumps:
         place = (pump.operator, pump.pump_type)
+        is_alone = pump.id in held or (pump.operator, pump.serial) in own
+        # most pumps of a type have the same layers: what lies over what is worked out once for them
+        if not is_alone and place in alike:
+            found[pump.id] = alike[place]
+            continue
         if place not in kinds:
             kinds[place] = find_type(session, *place)
-        kind = kinds[place]
-        layers = pump_scopes(pump.operator, pump.serial, pump.pump_type)
+        kind, layers = kinds[place], pump_scopes(pump.operator, pump.serial, pump.pump_type)
         if pump.id in held:
             found[pump.id] = effective_thresholds(session, layers, kind=kind)
             continue
         rows = [(scope, newest[scope]) for scope in layers if scope in newest]
-        # most pumps of a type have the same layers: what lies over what is worked out once for them
-        same = (place[1], id(kind), *(row.number for _, row in rows))
-        if same not in alike:
-            alike[same] = _laid([(scope, row.values, row.number) for scope, row in rows], kind)
-        found[pump.id] = alike[same]
+        found[pump.id] = _laid([(scope, row.values, row.number) for scope, row in rows], kind)
+        if not is_alone:
+            alike[place] = found[pump.id]
     return found
 
 

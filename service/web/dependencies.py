@@ -26,11 +26,14 @@ def context_of(request: Request) -> Context:
 
 
 async def settled(request: Request) -> None:
-    """Let no request but an upload see a history in which a late record's followers still have the verdicts of before."""
+    """Let no request but an upload see a history in which a late record's followers still have the verdicts of before.
+
+    Where it is known whose a request is, it waits for nobody else's.
+    """
     settling = context_of(request).acceptance.settling
     is_upload = request.method == "POST" and request.url.path == f"{API_PREFIX}/records"
     if settling.is_due and not is_upload and request.url.path not in _OF_NO_PUMP:
-        await run_in_threadpool(settling.settle)
+        await run_in_threadpool(settling.settle, current_account().operator)
 
 
 def principal(request: Request) -> Principal:

@@ -18,7 +18,7 @@ from detectors.bank.hypotheses import (
     pure_kinds,
     walk_variance,
 )
-from detectors.bank.kernel import STUDENT_DEGREES, _cholesky, _whitened, advance, begun, remembered, step
+from detectors.bank.kernel import GROWS_ON, STUDENT_DEGREES, _cholesky, _whitened, advance, begun, remembered, step
 from detectors.bank.prediction import N_MEASURED, predicted
 from detectors.bank.shapes import ALIKE, ARRIVAL, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Walks
 from detectors.bank.tables import DIRECTIONS
@@ -168,7 +168,7 @@ def beside(mean: np.ndarray, covariance: np.ndarray, kind: int, shape: int) -> F
 
 
 def test_time_passes_as_in_the_textbook() -> None:
-    """``m = F m`` and ``P = F P F' + Q`` with the amplitude growing by its rate (Bar-Shalom 2001, section 5.2)."""
+    """``m = F m`` and ``P = F P F' + Q`` with the amplitude growing by a rate that fades (Bar-Shalom 2001, section 5.2)."""
     rng = np.random.default_rng(3)
     mean, root = rng.normal(size=(2, N_STATE)), rng.normal(size=(2, N_STATE, N_STATE))
     covariance = root @ root.transpose(0, 2, 1)
@@ -178,6 +178,7 @@ def test_time_passes_as_in_the_textbook() -> None:
     own = rng.uniform(0.0, 1.0, (3, 2))
     into = np.eye(N_STATE)
     into[AMPLITUDE, RATE] = 1.0
+    into[RATE, RATE] = GROWS_ON
     expected_mean = mean @ into.T
     noise = np.array([np.diag(walk)] * 2)
     for f in range(2):

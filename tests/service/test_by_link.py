@@ -1,17 +1,19 @@
 """What is kept of a fleet is what would be read anew: after any change of any history, in this process or another one."""
 
+from collections import OrderedDict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
-from sqlalchemy import update
+from sqlalchemy import select, update
 
-from service.reading import fleet_trend, forecast, standing
+from service.reading import fleet_trend, forecast, pump_history, standing
 from service.reading.by_link import ByLink
-from service.storage.tables import StoredAssessment
+from service.storage.tables import Pump, StoredAssessment
 from service.web.dashboard import fleet as fleet_page
+from service.web.dashboard import pages, trends
 from tests.detectors.fleet import history
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
@@ -20,7 +22,10 @@ from tests.service.test_page_forms import come_in
 from tests.service.test_statements import statements
 
 API = "/api/v1"
-KEPT = ((standing, "_kept"), (fleet_trend, "_kept"), (forecast, "_kept"), (fleet_page, "_kept_flows"))
+KEPT = (
+    *((standing, "_kept"), (fleet_trend, "_kept"), (forecast, "_kept"), (fleet_page, "_kept_flows")),
+    *((pages, "_kept_changes"), (trends, "_kept_newest")),
+)
 CALLS = (
     "/fleet/ranking",
     "/fleet/summary",
@@ -29,6 +34,8 @@ CALLS = (
     "/fleet/trend?metric=case_residual_bar&group_by=age",
     "/pumps",
 )
+PARTS = (("forecast", "curve"), ("trends", "alarms"))
+"""Stretches of a pump's page."""
 
 
 @pytest.fixture
@@ -47,9 +54,11 @@ def answers(client: TestClient, who: dict[str, str], monkeypatch: pytest.MonkeyP
         if anew:
             for module, name in KEPT:
                 patched.setattr(module, name, ByLink(10))
+            patched.setattr(pump_history, "_kept", OrderedDict())
         found = [client.get(API + call, headers=who).json() for call in CALLS]
-        page = client.get("/pumps/P-1").text
-    return [*found, page[page.index('id="forecast"') : page.index('id="curve"')], client.get("/").text.count("<tr>")]
+        page = client.get("/pumps/P-1?compare=both&range=all").text
+    shown = [page[page.index(f'id="{first}"') : page.index(f'id="{end}"')] for first, end in PARTS]
+    return [*found, *shown, client.get("/").text.count("<tr>")]
 
 
 @pytest.mark.study
@@ -109,8 +118,9 @@ def test_no_more_is_kept_than_was_asked(guarded: TestClient) -> None:
         return {i: f"of {i}" for i in pump_ids}
 
     with guarded.app.state.context.database.reading() as session:  # type: ignore[attr-defined]
+        pumps = list(session.scalars(select(Pump).order_by(Pump.id)))
         for what in ("a", "a", "b", "a"):
-            assert kept.of(session, [1, 2, 3, 99], values, what) == {1: "of 1", 2: "of 2", 3: "of 3"}
+            assert kept.of(session, pumps, values, what) == {1: "of 1", 2: "of 2", 3: "of 3"}
     # the third pump has no link and is read every time; a second question pushed the first out
     assert read.count(3) == 4
     assert (read.count(1), read.count(2)) == (3, 3)

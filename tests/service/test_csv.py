@@ -189,6 +189,20 @@ def test_a_last_line_that_was_cut_is_left_out_and_flagged() -> None:
     assert "has 2 fields" in problems(read(whole + "2,3\n"))["line 4"]
 
 
+def test_the_header_again_is_left_out_and_flagged() -> None:
+    """A recorder that starts anew writes it again; a line that is nearly the header is a fault as before."""
+    head, rows = "time_s,case_pressure_bar,mode", ["0,0.5,on", "1,0.6,on", "2,0.7,off"]
+    file = read("\n".join([head, rows[0], " time_s , case_pressure_bar,mode", rows[1], head, rows[2]]) + "\n")
+    (found,) = file.tables
+    assert not file.faults
+    assert found.channels["case_pressure_bar"].tolist() == [0.5, 0.6, 0.7]
+    assert found.texts["mode"] == ["on", "on", "off"]
+    assert file.flags == ["the header again on 2 line(s), first on line 3: left out"]
+    other = read("\n".join([head, rows[0], "time_s,reservoir_pressure_bar,mode", rows[1]]) + "\n")
+    assert len(other.faults) == 2
+    assert not other.flags
+
+
 def test_a_gzip_stream_that_was_cut_keeps_its_whole_lines() -> None:
     rng = np.random.default_rng(1)
     rows = [f"{i},{rng.normal():.6f}" for i in range(5000)]

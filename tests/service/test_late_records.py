@@ -65,6 +65,8 @@ def test_what_follows_a_late_record_is_made_before_it_is_read(
     assert settling.is_due
     with context.database.reading() as session:
         assert session.scalars(select(Pump.made_with)).one() is None  # what another start would go on from
+    settling.settle("another operator")
+    assert settling.is_due
     verdict = client.get(f"/api/v1/pumps/{SERIAL}/verdict").json()
     assert not settling.is_due
     assert verdict["quality"]["records_used"] >= N

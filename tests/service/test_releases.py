@@ -23,9 +23,10 @@ from service.history import reduced
 from service.history.analysis import analysis_key
 from service.history.setting import Setting
 from service.identity import release_number, software
-from service.monitoring import acceptance, counting, precedence, reanalysis, refold, renewal
+from service.monitoring import acceptance, counting, precedence, reanalysis, reduction, refold, renewal
 from service.monitoring.precedence import HeldByNewerError, made_with
-from service.monitoring.renewal import CAUSE, Renewal, due_pumps, reduced_again
+from service.monitoring.reduction import reduced_again
+from service.monitoring.renewal import CAUSE, Renewal, due_pumps
 from service.settings import Settings
 from service.storage.tables import FoldSnapshot, Pump, Record, StoredAssessment, VerdictRevision
 from service.thresholds.layers import Effective, thresholds_of
@@ -145,7 +146,7 @@ def test_the_fleet_is_reduced_again_in_the_background(
     settings: Settings, worn_records: list[DemoRecord], other_code: Callable[[], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In chunks: what a process did before it was stopped need not be done again."""
-    monkeypatch.setattr(renewal, "CHUNK", 2)
+    monkeypatch.setattr(reduction, "CHUNK", 2)
     with TestClient(create_app(settings), base_url="http://localhost") as client:
         for record in worn_records[:5]:
             send(client, record)

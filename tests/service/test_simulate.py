@@ -15,6 +15,7 @@ from service.studies.simulation.run import run_file
 from service.studies.simulation.scenario_file import ScenarioFaultsError, read_scenario
 from service.studies.simulation.writer import ROW_GROUP, record_writer
 from twin.pumps import circuit_parameters, pump_type
+from twin.pumps.fluids import FLUIDS
 from twin.recording import REQUIRED_CHANNELS, Recording
 from twin.simulation.run import simulate
 from twin.simulation.scenario import Schedule
@@ -96,6 +97,34 @@ def test_a_scenario_file_says_what_it_means() -> None:
     assert scenario.changes["slipper_gap_scale[2]"] == 1.2
     assert scenario.changes["discharge_flow_lpm"] == Schedule((0.1, 0.3), (0.0, 12.5))
     assert scenario.changes["pump_leakage_scale"] == Schedule((100.0, 100.0001), (1.0, 2.0), flight_hours=True)
+
+
+def test_a_scenario_names_its_fluid_its_air_and_how_slippers_are_found() -> None:
+    file = read_scenario('fluid = "MIL-PRF-87257"\nfree_air = 0.005\nslipper_gaps = "metamodel"\n' + SHORT, 9)
+    kind = file.filled(pump_type("h225"))
+    assert kind.pump.fluid == FLUIDS["MIL-PRF-87257"]._replace(air=0.005)
+    assert file.slipper_gaps == "metamodel"
+    assert read_scenario(SHORT, 9).filled(pump_type("h225")) is pump_type("h225")
+    faults = faults_of('fluid = "olive oil"\nfree_air = 0.5\nslipper_gaps = 3\n' + SHORT)
+    assert len(faults) == 3
+    assert "MIL-PRF-5606" in next(f for f in faults if f.startswith("fluid"))
+    assert "slipper_gaps: is for the transient form" in faults_of(
+        'form = "quasi_steady"\nslipper_gaps = "resolved"\n' + SHORT
+    )
+
+
+def test_another_fluid_flows_through_the_simulation() -> None:
+    """Half as viscous: the healthy pump leaks more into its case, and the record says with what it was filled."""
+    pytest.importorskip("pyarrow")
+    flows = {}
+    for line in ("", 'fluid = "MIL-PRF-87257"\n'):
+        short = SHORT.replace("duration_s = 0.6", "duration_s = 0.1")
+        result = runner.invoke(app, ["simulate", written(line + short), "--output", "flight.parquet"])
+        assert result.exit_code == 0, result.output
+        record = read_back(Path("flight.parquet")).recording
+        flows[line] = record["case_flow_lpm"][:100].mean()
+        assert record.attributes.get("fluid", "") == line[9:-2]
+    assert 1.1 < flows['fluid = "MIL-PRF-87257"\n'] / flows[""] < 2.0
 
 
 def test_a_mechanism_by_name_and_the_file_wins() -> None:

@@ -137,3 +137,23 @@ def test_the_service_answers_while_a_simulation_runs(running: TestClient, monkey
     may_end.set()
     runner.join(60)
     assert statuses == [200]
+
+
+def test_slippers_by_their_metamodel_are_asked_for_by_name(running: TestClient) -> None:
+    """A type with variable gaps runs by it; one with constant gaps has none, and says so."""
+    body = {"duration_s": 0.1, "sample_rate_hz": 1000, "slipper_gaps": "metamodel"}
+    answer = running.post(URL, json={**body, "pump_type": "h225_thesis", "schedule": {"discharge_flow_lpm": 20.0}})
+    assert answer.status_code == 200, answer.text
+    assert "outside" not in answer.json()
+    flow = np.array(answer.json()["channels"]["case_flow_lpm"][50:]).mean()
+    point = operating_point(
+        pump_type("h225_thesis").pump, Condition(4600, 50, 0, 20), circuit_parameters("shared_return")
+    )
+    assert flow == pytest.approx(point.value("case_flow_lpm")[0], abs=0.01)
+    far = running.post(URL, json={**body, "pump_type": "h225_thesis", "health": {"slipper_leakage_scale": 20.0}})
+    assert far.json()["outside"] == ["slipper.metamodel"]
+    refused = running.post(URL, json=body)
+    assert refused.status_code == 422
+    assert [e["where"].removeprefix("body.") for e in refused.json()["errors"]] == ["slipper_gaps"]
+    assert "constant" in refused.json()["errors"][0]["problem"]
+    assert running.post(URL, json={**body, "slipper_gaps": "guessed"}).status_code == 422

@@ -8,6 +8,7 @@ import pytest
 
 from service.errors import Problem
 from service.ingest.decode import Limits, decode
+from service.ingest.mdf4_format import parsed
 from tests.service.records import METADATA, document
 
 START = datetime(2026, 5, 2, 7, 11, tzinfo=UTC)
@@ -101,3 +102,52 @@ def test_a_cut_one_keeps_what_is_whole_or_says_why_not(cut: int) -> None:
     assert 0 < n < len(made[0]["time_s"])
     assert np.array_equal(recording["case_pressure_bar"], made[0]["case_pressure_bar"][:n])
     assert any("cut" in flag for flag in recording.flags)
+
+
+def _channel(file: _File, after: int, name: str, place: int, *kinds: int, data: int = 0, conversion: int = 0) -> int:
+    """A channel of 64 bits at its place; ``kinds`` are its own, that of its clock, of its type and its flags."""
+    kind, clock, of_what, flags = kinds
+    bit = place if flags else 0
+    numbers = struct.pack("<BBBBIIIIBxHdddddd", kind, clock, of_what, 0, 8 * place, 64, flags, bit, 0, 0, *[0.0] * 6)
+    return file.block(b"##CN", [after, 0, file.text(name), 0, conversion, data, 0, 0], numbers)
+
+
+def test_words_among_the_records_conversions_and_invalid_samples() -> None:
+    """Texts of any length lie in a group of their own that a channel leads to; their chain is no circle."""
+    file, whole = _File(), {name: np.array(samples) for name, samples in document()["channels"].items()}
+    start = int(START.timestamp() * 1e9)
+    header = file.block(b"##HD", [0] * 6, struct.pack("<QhhBBBBdd", start, 0, 0, 0, 0, 0, 0, 0.0, 0.0))
+    file.link(header, 1, file.block(b"##FH", [0, 0], struct.pack("<QhhB3x", start, 0, 0, 0)))
+    spoken = [f"mode {i}".encode() * (1 + i % 3) for i in range(9)]
+    own = file.block(
+        b"##CG", [0] * 6, struct.pack("<QQHHIII", 3, len(spoken), 1, 0, 0, sum(4 + len(w) for w in spoken), 0)
+    )
+    text = _channel(file, 0, "mode", 1, 1, 0, 7, 0, data=own)
+    clock = _channel(file, text, "time_s", 0, _MASTER, _TIME, _REAL, 0)
+    slow = file.block(b"##CG", [own, clock, 0, 0, 0, 0], struct.pack("<QQHHIII", 2, len(spoken), 0, 0, 0, 16, 0))
+    halved = file.block(b"##CC", [0] * 4, struct.pack("<BBHHHdd2d", 1, 0, 0, 0, 2, 0.0, 0.0, -0.25, 0.5))
+    after, names = 0, list(whole)
+    for place, name in reversed(list(enumerate(names))):
+        is_time, is_case = name == "time_s", name == "case_pressure_bar"
+        kinds = (_MASTER, _TIME, _REAL, 0) if is_time else (0, 0, _REAL, 2 if is_case else 0)
+        after = _channel(file, after, name, place, *kinds, conversion=halved if is_case else 0)
+    n, case = len(whole["time_s"]), names.index("case_pressure_bar")
+    fast = file.block(b"##CG", [slow, after, 0, 0, 0, 0], struct.pack("<QQHHIII", 1, n, 0, 0, 0, 8 * len(names), 1))
+    counted = {**whole, "case_pressure_bar": (whole["case_pressure_bar"] + 0.25) / 0.5}
+    records, place = [], 0
+    for i, row in enumerate(np.column_stack(list(counted.values())).astype("<f8")):
+        records.append(struct.pack("<H", 1) + row.tobytes() + bytes([1 << case if 20 <= i < 24 else 0]))
+        if i % 10 == 5 and i // 10 < len(spoken):
+            word = spoken[i // 10]
+            records.append(struct.pack("<HI", 3, len(word)) + word)
+            records.append(struct.pack("<HdQ", 2, whole["time_s"][i], place))
+            place += 4 + len(word)
+    data = file.block(b"##DT", [], b"".join(records))
+    file.link(header, 0, file.block(b"##DG", [0, fast, data, 0], struct.pack("<B7x", 2)))
+    content = bytes(file.content)
+    raw = parsed(content, LIMITS)
+    assert [word.decode() for word in spoken] == next(t.texts["mode"] for t in raw.tables if "mode" in t.texts)
+    found = decode(content, "application/x-mdf4", "", METADATA, LIMITS).recording["case_pressure_bar"]
+    expected = whole["case_pressure_bar"].copy()
+    expected[20:24] = np.nan
+    assert np.allclose(found, expected, atol=1e-12, equal_nan=True)

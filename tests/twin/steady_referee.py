@@ -294,6 +294,16 @@ def steady(
     back, drop = drops(circuit, pump, fluid, health, (Q_L + Q_sys + (Q_c if shared else 0.0), Q_c), heated)
     P_i = P_s + back
 
+    # the shaft's work: pressure times volume rate over a revolution, the ports' own losses on both sides
+    reach = area * piston.R * t
+    indicated = (P_d - P_s) * mean_over(math.sin, change.rising, math.pi + change.falling)
+
+    def lost(phi: float) -> float:
+        return 0.5 * fluid.rho * (reach * omega * math.sin(phi) / (plate.C_q * plate.A_port)) ** 2
+
+    indicated += 2.0 * mean_over(lambda phi: lost(phi) * math.sin(phi), 0.0, math.pi)
+    worked = per_angle * reach * indicated
+
     softened = comp.F_preload * (1.0 - comp.spring_softening * (fluid.T - 323.15))
     spring = softened + health.pressure_setting_change_bar * BAR * comp.A_spool
     spring += comp.k_spool * (comp.x_zero + health.droop_scale * (x - comp.x_zero))
@@ -314,7 +324,7 @@ def steady(
         "swashplate_angle_deg": math.degrees(alpha),
         "discharge_flow_lpm": Q_L / LPM,
         "case_flow_lpm": Q_c / LPM,
-        "shaft_torque_nm": Q_pump * (P_d - P_s) / omega + drag,
+        "shaft_torque_nm": worked + drag,
         "piston_leakage_lpm": sum(pistons) / LPM,
         "slipper_leakage_lpm": (sum(slippers) + throttled) / LPM,
         "port_plate_leakage_lpm": sum(gaps) / LPM,

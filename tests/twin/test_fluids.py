@@ -6,11 +6,20 @@ import pytest
 
 from benchmarks import burst_surrogate
 from twin.condition import Condition, Health, input_rows
+from twin.laws.compressibility import medium_of, relative_density
 from twin.laws.fluid import P_ATMOSPHERE, bulk_modulus, density, kinematic_viscosity
 from twin.operating_point import operating_point
 from twin.orders.surfaces import order_amplitudes, order_surfaces
 from twin.pumps import circuit_parameters, pump_type
-from twin.pumps.fluids import FLUIDS, PRODUCTS, fluid_named, ln_viscosity_ratio, with_fluid
+from twin.pumps.fluids import (
+    FLUIDS,
+    PRODUCTS,
+    USUAL_FREE_AIR,
+    fluid_named,
+    ln_viscosity_ratio,
+    with_fluid,
+    with_free_air,
+)
 from twin.units import SI_PER_UNIT
 from twin.version import numbers_hash
 
@@ -104,6 +113,22 @@ def test_a_filled_pump_type_tells_its_fluid_with_sources_and_version() -> None:
     assert numbers_hash(thin) != numbers_hash(PUMP)
     assert with_fluid(PUMP, None) is PUMP
     assert numbers_hash(with_fluid(PUMP, "MIL-PRF-83282")) == numbers_hash(PUMP)
+
+
+def test_free_air_is_asked_for_and_softens_the_fluid() -> None:
+    """Equation 2-1 in plain numbers: half a per cent of polytropic bubbles at 1.4 bar absolute, where the case stands."""
+    airy = with_free_air(PUMP, USUAL_FREE_AIR.value)
+    assert airy.quantities["fluid.air"].value == 0.005
+    assert airy.pump._replace(fluid=PUMP.pump.fluid) == PUMP.pump
+    P, T, d = 1.4e5, 323.15, 10.0
+    m = medium_of(airy.pump.fluid, T)
+    slope = (relative_density(m, P + d) - relative_density(m, P - d)) / (2.0 * d)
+    ratio = 0.005 / 0.995 * (P_ATMOSPHERE / P) ** (1.0 / 1.2)
+    expected = (1.0 / bulk_modulus(airy.pump.fluid, T, P) + ratio / (1.2 * P)) / (1.0 + ratio)
+    assert slope / relative_density(m, P) == pytest.approx(expected, rel=1e-3)
+    for share in (-0.1, 0.5):
+        with pytest.raises(ValueError, match="free_air"):
+            with_free_air(PUMP, share)
 
 
 def test_laminar_leakage_goes_as_one_over_dynamic_viscosity() -> None:

@@ -35,3 +35,11 @@ def test_a_stroke_longer_than_the_bore_and_numbers_that_are_none() -> None:
         piston=PUMP.piston._replace(R=float("nan")), volumes=PUMP.volumes._replace(case=float("inf"))
     )
     assert geometry_faults(broken) == ["piston.R is not a finite number", "volumes.case is not a finite number"]
+
+
+def test_a_fluid_that_is_none_is_refused_with_every_number() -> None:
+    fluid = PUMP.fluid._replace(rho_ref=80.0, B_slope=-2.0e7, astm_a=4.0, alpha_p=-1e-8, air=0.3, air_exponent=0.5)
+    faults = geometry_faults(PUMP._replace(fluid=fluid))
+    for words in ("fluid.rho_ref", "fluid.B_ref", "fluid.astm_a", "fluid.alpha_p", "fluid.air ", "fluid.air_exponent"):
+        assert any(fault.startswith(words) for fault in faults), words
+    assert len(faults) == 6

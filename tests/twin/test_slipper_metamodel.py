@@ -23,7 +23,8 @@ from twin.parts.slipper_map import (
     throttle_capacity,
 )
 from twin.pumps import circuit_parameters, pump_type
-from twin.simulation.run import steady_run
+from twin.simulation.run import simulate, steady_run
+from twin.simulation.scenario import Scenario, Schedule
 from twin.slipper_maps import document_of, gap_numbers_hash, map_from, register, stored_map
 
 THESIS = pump_type("h225_thesis")
@@ -42,6 +43,16 @@ def test_both_speeds_of_the_twin_give_the_same_pump(flow: float) -> None:
     run = steady_run(THESIS.pump, condition, BENCH, settle_revolutions=20, mean_revolutions=4)
     point = operating_point(THESIS.pump, condition, BENCH)
     allowed = stored.errors[LEAKAGE]["largest"]
+    mapped = steady_run(THESIS.pump, condition, BENCH, slipper_gaps="metamodel")
+    assert mapped.status.ok
+    assert mapped.status.outside == ()
+    for name, least in (("case_flow_lpm", allowed), ("case_pressure_bar", 0.4 * allowed), ("discharge_flow_lpm", 1e-6)):
+        assert mapped.mean(name, 4) == pytest.approx(run.mean(name, 4), abs=least), name
+    assert mapped.mean("discharge_pressure_bar", 4) == pytest.approx(run.mean("discharge_pressure_bar", 4), abs=0.3)
+    assert mapped.mean("shaft_torque_nm", 4) == pytest.approx(run.mean("shaft_torque_nm", 4), abs=0.2)
+    # the same metamodel in both speeds: nearer to each other than either is to the resolved gaps
+    for name, least in (("case_flow_lpm", 0.005), ("case_pressure_bar", 0.002), ("swashplate_angle_deg", 0.005)):
+        assert mapped.mean(name, 4) == pytest.approx(point.value(name)[0], abs=least), name
     assert point.value("case_flow_lpm")[0] == pytest.approx(run.mean("case_flow_lpm", 4), abs=allowed)
     assert point.value("case_pressure_bar")[0] == pytest.approx(run.mean("case_pressure_bar", 4), abs=0.4 * allowed)
     assert point.value("discharge_pressure_bar")[0] == pytest.approx(run.mean("discharge_pressure_bar", 4), abs=0.3)
@@ -128,3 +139,33 @@ def test_a_registered_document_is_read_again() -> None:
     assert "weights is missing" in str(error.value)
     with pytest.raises(ValueError, match="mean must have shape"):
         map_from({**document_of(stored), "mean": [1.0] * (len(ANSWERS) + 1)})
+
+
+def test_a_load_step_by_the_metamodel_keeps_its_fluid_and_says_where_it_was_outside() -> None:
+    """What is drawn in leaves by load, drain and leak; twenty times the slippers' leakage is beyond every run."""
+    opened = Schedule((0.0, 0.02, 0.021, 0.06), (4.0, 4.0, 18.0, 18.0))
+    condition = Condition(4600, 50)
+    worn = Scenario(0.3, condition, Health(slipper_leakage_scale=1.5), {"discharge_flow_lpm": opened})
+    run = simulate(THESIS.pump, BENCH, worn, slipper_gaps="metamodel", sample_rate_hz=2000.0)
+    assert run.status.ok
+    # the pressures' swing after the step is beyond the runs, what it settles to is among them
+    assert 0.0 < run.status.outside_s < 0.1
+    assert run.status.outside_from_s > 0.02
+    leaves = run.mean("discharge_flow_lpm", 4) + run.mean("case_flow_lpm", 4)
+    assert run.mean("suction_flow_lpm", 4) == pytest.approx(leaves, rel=1e-3)
+    far = Scenario(0.05, condition, Health(slipper_leakage_scale=20.0))
+    run = simulate(THESIS.pump, BENCH, far, slipper_gaps="metamodel")
+    assert run.status.outside == ("slipper.metamodel",)
+    assert run.status.outside_s == pytest.approx(0.05, abs=0.003)
+    assert run.status.outside_from_s == 0.0
+    assert "beyond its runs" in run.status.advice
+
+
+def test_a_set_without_a_metamodel_is_not_run_by_one() -> None:
+    scenario = Scenario(0.01, Condition(4600, 50))
+    with pytest.raises(ValueError, match="the gaps of this set are constant"):
+        simulate(pump_type("h225").pump, BENCH, scenario, slipper_gaps="metamodel")
+    with pytest.raises(ValueError, match="none was fitted"):
+        simulate(changed(THESIS.pump, "slipper", balance=1.04), BENCH, scenario, slipper_gaps="metamodel")
+    with pytest.raises(ValueError, match=r"slipper_gaps = 'guessed' \(known: resolved, metamodel\)"):
+        simulate(THESIS.pump, BENCH, scenario, slipper_gaps="guessed")

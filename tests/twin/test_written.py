@@ -8,6 +8,7 @@ import pytest
 from twin.condition import Condition
 from twin.operating_point import operating_point
 from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
+from twin.pumps.fluids import fluid_named, with_fluid
 from twin.pumps.written import ParameterFaultsError, document_of, pump_type_from
 from twin.version import numbers_hash
 
@@ -85,3 +86,21 @@ def test_impossible_geometry_and_a_missing_number_are_faults() -> None:
     with pytest.raises(ParameterFaultsError) as found:
         pump_type_from(document)
     assert {where for where, _ in found.value.faults} == {"quantities.piston.n", "nominal_speed_rpm"}
+
+
+def test_a_derived_set_may_be_filled_with_a_product_and_changes_come_after_it() -> None:
+    """Its constants and sources are the product's; the limit of wear moves to where the gaps are as viscous."""
+    air = {"value": 0.004, "unit": "-", "source": "bled once a year"}
+    kind = pump_type_from({"id": "thin", "base": "h225", "fluid": "MIL-PRF-87257", "changes": {"fluid.air": air}})
+    assert kind.pump.fluid == fluid_named("MIL-PRF-87257")._replace(air=0.004)
+    assert kind.quantities["fluid.rho_ref"].source == with_fluid(pump_type("h225"), "MIL-PRF-87257").quantities[
+        "fluid.rho_ref"
+    ].source  # fmt: skip
+    assert kind.limits["reference_temperature_k"].value < pump_type("h225").limits["reference_temperature_k"].value
+    assert pump_type_from(document_of(kind)) == kind
+    alone = pump_type_from({"id": "alone", "base": "h225", "fluid": "MIL-PRF-5606"})
+    assert alone.pump.fluid == fluid_named("MIL-PRF-5606")
+    with pytest.raises(ParameterFaultsError, match=r"fluid: 'olive oil' is not one of AS1241.*MIL-PRF-5606"):
+        pump_type_from({"id": "x", "base": "h225", "fluid": "olive oil"})
+    with pytest.raises(ParameterFaultsError, match="fluid: 5 is not one of"):
+        pump_type_from({"id": "x", "base": "h225", "fluid": 5})

@@ -48,8 +48,16 @@ from twin.parts.compensator import (
 )
 from twin.parts.drive import OMEGA_REF, case_temperature, friction_torque, viscous_torque
 from twin.parts.drive import T_REF as T_50
-from twin.parts.piston import chamber_volume, volume_by_tilt
-from twin.parts.servo import carried_inertia, rate_arm, rate_leakage, spring_torque, stroking_arm, stroking_leakage
+from twin.parts.piston import chamber_volume, indicated_torque, volume_by_tilt
+from twin.parts.servo import (
+    bleed_flow,
+    carried_inertia,
+    rate_arm,
+    rate_leakage,
+    spring_torque,
+    stroking_arm,
+    stroking_leakage,
+)
 from twin.parts.slipper_map import (
     N_AXES,
     NO_SLIPPERS,
@@ -246,8 +254,7 @@ def _control_flows(
     passages = outlet(comp, edge, x, dP, rho, mu_out, nu)[0] + stroking_leakage(servo, mu_out)
     outflow = (passages + bleed_conductance(comp, dP, rho)) * dP
     if bleed > 0.0:
-        # a bleed is counted in L/min at the control pressure of the zero-flow point and fades with it
-        outflow += bleed * math.tanh(dP / (0.05 * servo.F_rate / servo.A_stroke))
+        outflow += bleed_flow(servo, bleed, dP)
     return inflow, outflow
 
 
@@ -319,7 +326,7 @@ def evaluate(
     edge = edge_of(comp, row[at.EDGE_ROUNDING] * 1.0e-6)
     # means over a ripple: for a sine the two ends of its standard deviation are Gauss and Chebyshev's points
     bleed = row[at.CONTROL_BLEED] * _LPM
-    in_1, out_1 = _control_flows(pump, warmth, edge, x, P_d, P_c, P_ctrl - changes.ripple, bleed)
+    in_1, out_1 = _control_flows(pump, warmth, edge, x, P_d, P_c, max(P_ctrl - changes.ripple, P_FLOOR), bleed)
     in_2, out_2 = _control_flows(pump, warmth, edge, x, P_d, P_c, P_ctrl + changes.ripple, bleed)
     inflow, outflow = 0.5 * (in_1 + in_2), 0.5 * (out_1 + out_2)
     rate_leak = rate_leakage(servo, mu_d) * (P_d - P_c)
@@ -362,7 +369,8 @@ def evaluate(
     F[CONTROL] = inflow - outflow
     F[DEMAND] = P_d - P_i - k_d * Q_L * abs(Q_L) if k_d > 0.0 else Q_L - row[at.ASKED_FLOW] * _LPM
 
-    torque = Q_pump * (P_d - P_s) / omega + slippers.shaft_torque + friction
+    indicated = indicated_torque(piston, plate, t, omega, P_d - P_s, warmth.rho, changes.rising, changes.falling)
+    torque = indicated + slippers.shaft_torque + friction
 
     Y[at.DISCHARGE_PRESSURE] = (P_d - P_amb) / _BAR
     Y[at.CASE_PRESSURE] = (P_c - P_amb) / _BAR

@@ -1,10 +1,16 @@
-"""What a parameter set must keep to be a pump at all: every fault by name, with its unit."""
+"""What a parameter set must keep to be a pump at all, and its fluid one: every fault by name, with its unit."""
 
 import math
 
+from twin.laws.fluid import Fluid, kinematic_viscosity
 from twin.parameters import Pump
+from twin.units import KELVIN_AT_0_DEGC
 
 _UM, _MM = 1.0e6, 1.0e3
+_COLDEST, _HOTTEST = KELVIN_AT_0_DEGC - 55.0, KELVIN_AT_0_DEGC + 150.0
+"""Between these a fluid must be one [K]."""
+MOST_FREE_AIR = 0.2
+"""Free air by volume at ambient pressure beyond which nothing is a liquid with bubbles any more (estimate) [-]."""
 
 
 def geometry_faults(pump: Pump) -> list[str]:
@@ -71,4 +77,36 @@ def geometry_faults(pump: Pump) -> list[str]:
         )
     if not comp.x_low < comp.x_high:
         faults.append(f"compensator.x_low, x_high = {comp.x_low * _MM:g}, {comp.x_high * _MM:g} mm (must rise)")
+    return faults + fluid_faults(pump.fluid)
+
+
+def fluid_faults(fluid: Fluid) -> list[str]:
+    """Faults of a fluid's constants in words, none for a liquid that thins with warmth, compresses and weighs something."""
+    faults: list[str] = []
+    nu = kinematic_viscosity(fluid, KELVIN_AT_0_DEGC + 40.0) * 1.0e6 if 0.0 < fluid.astm_b < 10.0 else math.nan
+    if not 1.0 <= nu <= 1000.0:
+        faults.append(
+            f"fluid.astm_a = {fluid.astm_a:g}, with astm_b = {fluid.astm_b:g} (must give 1 to 1000 cSt at 40 degC)"
+        )
+    linear = {
+        "rho": (fluid.rho_ref, fluid.rho_slope, 500.0, 2000.0, "kg/m3"),
+        "B": (fluid.B_ref, fluid.B_slope, 2.0e8, 1.0e10, "Pa"),
+    }
+    for name, (ref, slope, low, high, unit) in linear.items():
+        ends = [ref + slope * (T - fluid.T_ref) for T in (_COLDEST, _HOTTEST)]
+        if not all(low <= value <= high for value in ends):
+            faults.append(
+                f"fluid.{name}_ref = {ref:g} {unit}, with {name}_slope = {slope:g} (must stay within {low:g} and {high:g} "
+                "from -55 to 150 degC)"
+            )
+    plain = {
+        "B_pressure_gain": (fluid.B_pressure_gain, 0.0, 30.0),
+        "alpha_p": (fluid.alpha_p, 0.0, 1.0e-7),
+        "c_p": (fluid.c_p, 500.0, 5000.0),
+        "air": (fluid.air, 0.0, MOST_FREE_AIR),
+        "air_exponent": (fluid.air_exponent, 1.0, 1.67),
+    }
+    for name, (value, low, high) in plain.items():
+        if not low <= value <= high:
+            faults.append(f"fluid.{name} = {value:g} (SI; allowed: {low:g} to {high:g})")
     return faults

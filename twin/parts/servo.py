@@ -46,6 +46,21 @@ def stroking_leakage(servo: ServoPistons, mu: float) -> float:
 
 
 @compiled
+def faded_pressure(servo: ServoPistons) -> float:
+    """Pressure at which a bleed of the control volume has faded to three quarters [Pa] (estimate)."""
+    return 0.05 * servo.F_rate / servo.A_stroke
+
+
+@compiled
+def bleed_flow(servo: ServoPistons, Q: float, dP: float) -> float:
+    """Bleed of the control volume into the case [m3/s].
+
+    It is counted as ``Q`` [m3/s] at the control pressure of the zero-flow point and fades with the pressure that drives it.
+    """
+    return Q * math.tanh(dP / faded_pressure(servo))
+
+
+@compiled
 def rate_leakage(servo: ServoPistons, mu: float) -> float:
     """Conductance from discharge past the rate piston [m3/s/Pa] (2-9), 0 where its bore is vented to the case."""
     d = math.sqrt(4.0 * servo.A_rate / math.pi)

@@ -15,6 +15,7 @@ import numpy as np
 from twin.laws.fluid import P_ATMOSPHERE, Fluid, gap_viscosity, kinematic_viscosity
 from twin.numbers import ZERO_FLOW_PRESSURE
 from twin.parameters import PumpType, Quantity, block
+from twin.parts.geometry import MOST_FREE_AIR
 from twin.units import KELVIN_AT_0_DEGC
 
 _EXACT_T = "reference temperature of the linear laws"
@@ -22,6 +23,13 @@ _T_REF = Quantity(323.15, "K", _EXACT_T)
 _NO_AIR = Quantity(
     0.0, "-", "free air by volume at 1 bar: none assumed in a bled aircraft circuit; 0.005 is usual elsewhere"
 )
+USUAL_FREE_AIR = Quantity(
+    0.005,
+    "-",
+    "estimate: free air by volume at 1 bar in a circuit that was not bled; dissolved air does not count",
+    0.5,
+)
+"""What ``with_free_air`` is asked with where nothing else is known; the products themselves hold none."""
 _AIR_EXPONENT = Quantity(1.2, "-", "estimate: between isothermal (1) and adiabatic (1.4) bubbles", 0.1)
 SPREAD_DEGC: tuple[float, ...] = (0.0, 40.0, 100.0)
 """Temperatures at which a product's spreads of viscosity are stated [degC]."""
@@ -237,6 +245,21 @@ def with_fluid(kind: PumpType, name: str | None) -> PumpType:
         source = f"as viscous in the gaps as the type's own fluid at {acceptance.value:g} K; {acceptance.source}"
         limits["reference_temperature_k"] = replace(acceptance, value=T, source=source)
     return replace(kind, pump=kind.pump._replace(fluid=fluid), quantities=quantities, limits=limits)
+
+
+def with_free_air(kind: PumpType, share: float) -> PumpType:
+    """The pump type with so much free air in its fluid, by volume at ambient pressure [-].
+
+    Raises
+    ------
+    ValueError
+        for a share that no liquid with bubbles has.
+    """
+    if not 0.0 <= share <= MOST_FREE_AIR:
+        raise ValueError(f"free_air = {share:g} (allowed: 0 to {MOST_FREE_AIR:g} by volume at 1 bar)")
+    air = Quantity(share, "-", "asked for: free air by volume at 1 bar")
+    fluid = kind.pump.fluid._replace(air=share)
+    return replace(kind, pump=kind.pump._replace(fluid=fluid), quantities={**kind.quantities, "fluid.air": air})
 
 
 @lru_cache(maxsize=256)

@@ -10,13 +10,14 @@ from twin.operating_point import operating_point, problem
 from twin.parameters import Pump, PumpType, Quantity, Sensor, block
 from twin.parts.geometry import geometry_faults
 from twin.pumps import PUMP_TYPES, circuit_parameters
+from twin.pumps.fluids import FLUIDS, with_fluid
 from twin.recording import MAY_LACK
 
 _GROUPS = ("quantities", "limits", "population")
 _FRAME = ("nominal_speed_rpm", "nominal_reservoir_pressure_bar", "sensors")
 _SIGHT = ("lacks", "own_twin")
 _WHOLE = ("id", "title", *_FRAME, *_SIGHT, *_GROUPS)
-_DERIVED = ("id", "base", "title", "changes", *_FRAME, *_SIGHT)
+_DERIVED = ("id", "base", "title", "fluid", "changes", *_FRAME, *_SIGHT)
 _SENSOR = ("full_scale_bar", "accuracy_percent_full_scale", "repeatability_percent_full_scale")
 _LIKE_UNITS = (("m", "mm", "um"), ("cm3", "mm3", "L"), ("bar", "MPa", "Pa"), ("rad", "deg"), ("N/m", "N/mm"))
 _REFERENCE = PUMP_TYPES["h225"]
@@ -48,9 +49,10 @@ def pump_type_from(document: Mapping[str, Any], bases: Mapping[str, PumpType] = 
         Either all of ``id``, ``title``, ``nominal_speed_rpm`` [rpm], ``nominal_reservoir_pressure_bar`` [bar gauge],
         ``sensors``, ``quantities``, ``limits``, ``population``; or ``id``, ``base`` and ``changes``, a mapping from
         ``part.field``, ``limits.name`` or ``population.name`` to a quantity; with the frame's numbers and ``sensors``
-        where they differ. A quantity has ``value``, ``unit``, ``source`` and perhaps ``uncertainty``; dotted names may be
-        nested tables, as TOML writes them. Either may say which channels its records ``lacks``, and that it has no twin
-        of its own (``own_twin`` false): then its numbers stand in, and need not run at its speed and limits.
+        where they differ, and with ``fluid``, the product that fills it (``twin.pumps.fluids``). A quantity has ``value``,
+        ``unit``, ``source`` and perhaps ``uncertainty``; dotted names may be nested tables, as TOML writes them. Either may
+        say which channels its records ``lacks``, and that it has no twin of its own (``own_twin`` false): then its numbers
+        stand in, and need not run at its speed and limits.
     bases
         Pump types that ``base`` may name.
 
@@ -67,8 +69,9 @@ def pump_type_from(document: Mapping[str, Any], bases: Mapping[str, PumpType] = 
         base = bases.get(str(document["base"]))
         if base is None:
             faults.append(("base", f"{document['base']!r} is not known; known: {', '.join(sorted(bases))}"))
-        groups = _changed(document, base or _REFERENCE, faults)
-        frame = _reframed(document, base or _REFERENCE, faults)
+        base = _filled(document, base or _REFERENCE, faults)
+        groups = _changed(document, base, faults)
+        frame = _reframed(document, base, faults)
         if "title" in document:
             frame = replace(frame, title=text_from("title", document["title"], faults))
         else:
@@ -129,12 +132,23 @@ def _pump(quantities: Mapping[str, Quantity]) -> Pump:
     return Pump(**parts)
 
 
+def _filled(document: Mapping[str, Any], base: PumpType, faults: list[tuple[str, str]]) -> PumpType:
+    """The base filled with the document's fluid; changes of ``fluid.`` come after it."""
+    name = document.get("fluid")
+    if "fluid" not in document:
+        return base
+    if not isinstance(name, str) or name not in FLUIDS:
+        faults.append(("fluid", f"{name!r} is not one of {', '.join(sorted(FLUIDS))}"))
+        return base
+    return with_fluid(base, name)
+
+
 def _changed(
     document: Mapping[str, Any], base: PumpType, faults: list[tuple[str, str]]
 ) -> dict[str, Mapping[str, Quantity]]:
     given = document.get("changes")
     groups = {group: dict(getattr(base, group)) for group in _GROUPS}
-    if "changes" not in document and any(name in document for name in (*_FRAME, *_SIGHT)):
+    if "changes" not in document and any(name in document for name in ("fluid", *_FRAME, *_SIGHT)):
         return dict(groups.items())
     if not isinstance(given, Mapping) or not given:
         faults.append(("changes", "must name at least one quantity, e.g. slipper.h"))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
+from twin.laws.compressibility import P_FLOOR
 from twin.simulation.layout import ALPHA, END, FIRST_MEAN, N_MEAN, N_STATE_MEANS, N_VOLUMES, THETA, TILT_MEAN
 
 Vector = NDArray[np.float64]
@@ -90,5 +91,5 @@ def average(y: Vector, time: float, step: float, flows: Vector, account: Account
 
 @inlined
 def _averaged(y: Vector, flows: Vector, j: int) -> float:
-    """What mean ``j`` is the mean of."""
-    return float(y[j] if j < N_VOLUMES else (y[ALPHA] if j == TILT_MEAN else flows[j - N_STATE_MEANS]))
+    """What mean ``j`` is the mean of; a pressure that counts missing fluid shows as the floor."""
+    return float(max(y[j], P_FLOOR) if j < N_VOLUMES else (y[ALPHA] if j == TILT_MEAN else flows[j - N_STATE_MEANS]))

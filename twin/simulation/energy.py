@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
-from twin.laws.compressibility import elastic_head
+from twin.laws.compressibility import P_FLOOR, elastic_head
 from twin.parameters import Circuit, Pump
 from twin.parts.drive import friction_torque
 from twin.simulation import chambers
@@ -64,7 +64,7 @@ def _powers(
     s = passages(pump, circuit, scene, y, n, gaps, ch)
     chambers.ports(pump, scene, y, n, ch)
     m, P_s = scene.medium, scene.P_s
-    P_d, P_c, P_i, P_x, w, v = y[P_D], y[P_C], y[P_I], y[P_CTRL], y[ALPHA_DOT], y[V_SPOOL]
+    P_d, P_c, P_i, P_x, w, v = y[P_D], y[P_C], y[P_I], max(y[P_CTRL], P_FLOOR), y[ALPHA_DOT], y[V_SPOOL]
     e_d, e_c, e_x, e_s = elastic_head(m, P_d), elastic_head(m, P_c), elastic_head(m, P_x), elastic_head(m, P_s)
     for k in range(n):
         P = y[N_SHARED + k]

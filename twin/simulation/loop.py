@@ -10,7 +10,7 @@ from twin.compiled import compiled
 from twin.laws.compressibility import P_FLOOR, pressure_of
 from twin.parameters import Circuit, Pump
 from twin.parts.piston import chamber_volume
-from twin.simulation import slippers
+from twin.simulation import mapped_slippers, slippers
 from twin.simulation.averages import ROUNDING, STOPPED_AT, TAKEN, Account, average
 from twin.simulation.film import lifted_volume
 from twin.simulation.layout import (
@@ -29,6 +29,7 @@ from twin.simulation.layout import (
     P_I,
     THETA,
 )
+from twin.simulation.mapped_slippers import Gaps
 from twin.simulation.scene import N_SCENE, Scene, scene_of
 from twin.simulation.step import Scratch, Step, passages, solve_step
 
@@ -50,7 +51,7 @@ class Workspace(NamedTuple):
     """What a run works on, made once, so that no step allocates.
 
     Scratch of a step, states of the full step, masses of the last half step and of the full one, flows of a step and of
-    half of it.
+    half of it; means for the metamodel of the slippers (``mapped_slippers``).
     """
 
     scratch: Scratch
@@ -59,6 +60,7 @@ class Workspace(NamedTuple):
     masses_coarse: Vector
     flows: Vector
     flows_half: Vector
+    gathered: Vector
 
 
 class Inputs(NamedTuple):
@@ -82,9 +84,13 @@ class Pace(NamedTuple):
 
 
 @compiled
-def workspace(n: int, m: int) -> Workspace:
-    """Workspace for n pistons and m states."""
-    scratch = Scratch(np.ones((n, 2)), np.empty((n, N_COLUMNS)), np.empty((N_SOLVED, N_SOLVED)), np.empty(N_SOLVED))
+def workspace(n: int, m: int, mapped: bool = False) -> Workspace:
+    """Workspace for n pistons and m states; ``mapped`` where a metamodel stands for the slippers."""
+    added = np.zeros(mapped_slippers.N_ADDED if mapped else 0)
+    A, b = np.empty((N_SOLVED, N_SOLVED)), np.empty(N_SOLVED)
+    scratch = Scratch(np.ones((n, 2)), np.empty((n, N_COLUMNS)), A, b, added)
+    gathered = np.zeros(mapped_slippers.N_GATHERED)
+    gathered[mapped_slippers.FIRST_OUTSIDE] = math.inf
     return Workspace(
         scratch,
         np.empty(m),
@@ -92,6 +98,7 @@ def workspace(n: int, m: int) -> Workspace:
         np.empty(N_VOLUMES + 2 * n),
         np.empty(N_FLOWS),
         np.empty(N_FLOWS),
+        gathered,
     )
 
 
@@ -194,9 +201,9 @@ def _divided(pump: Pump, y: Vector, n: int, dt: float, ch: Matrix) -> tuple[int,
 
 @compiled
 def run_loop(
-    pump: Pump, circuit: Circuit, inputs_of: Inputs, y: Vector, pace: Pace, account: Account, ws: Workspace
+    pump: Pump, circuit: Circuit, gaps: Gaps, inputs_of: Inputs, y: Vector, pace: Pace, account: Account, ws: Workspace
 ) -> int:
-    """Advance ``y`` by the sample intervals of ``pace``.
+    """Advance ``y`` by the sample intervals of ``pace``; ``gaps`` is asked where the workspace is made for it.
 
     Returns
     -------
@@ -209,6 +216,8 @@ def run_loop(
     start, dt, n_steps, substeps, extrapolate, T_start = pace
     keep, samples, revolution, counts = account.keep, account.samples, account.revolution, account.counts
     clearances, ch, flows = ws.scratch.clearances, ws.scratch.ch, ws.flows
+    added, gathered = ws.scratch.added, ws.gathered
+    mapped = added.shape[0] > 0
     n = ch.shape[0]
     inputs = np.empty(table.shape[1])
     segment = 0
@@ -218,6 +227,9 @@ def run_loop(
     _clearances(inputs, n, clearances)
     fresh = segment
     constant = _is_constant(table, segment)
+    if mapped and gathered[mapped_slippers.SPENT] == 0.0:
+        mapped_slippers.gather(y, 1.0e-9, gathered)
+        mapped_slippers.ask(pump, gaps, inputs, clearances[:, OF_SLIPPER], y[OMEGA], gathered, time, added)
     interval = dt * substeps
     whole = 2.0 * math.pi
     pieces_left, step, blow = 0, dt, False
@@ -246,7 +258,11 @@ def run_loop(
             if not ok:
                 revolution[STOPPED_AT] = time
                 return DIVERGED
-            if y[P_D] < P_FLOOR - _CAVITY or y[P_C] < P_FLOOR - _CAVITY:
+            if mapped:
+                mapped_slippers.gather(y, step, gathered)
+                if gathered[mapped_slippers.TURNED] >= whole / n:
+                    mapped_slippers.ask(pump, gaps, inputs, clearances[:, OF_SLIPPER], y[OMEGA], gathered, time, added)
+            if min(y[P_D], y[P_C], y[P_I]) < P_FLOOR - _CAVITY:
                 revolution[STOPPED_AT] = time
                 return CAVITATED
             for k in range(N_FLOWS):

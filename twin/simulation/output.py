@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
+from twin.laws.compressibility import P_FLOOR
 from twin.parameters import Pump
 from twin.parts.drive import case_temperature, friction_torque, viscous_torque
 from twin.recording import TIME, Recording
@@ -75,7 +76,8 @@ def recording_of(pump: Pump, title: str, times: Vector, table: Matrix, at: Vecto
     ambient = _column("ambient_pressure_bar", times, table, at)
     channels: dict[str, Vector] = {TIME: at}
     for name, j in _PRESSURES.items():
-        channels[name] = samples[:, j] / PA_PER_BAR - ambient
+        # a state below the floor counts the fluid that is missing from a cavity
+        channels[name] = np.maximum(samples[:, j], P_FLOOR) / PA_PER_BAR - ambient
     channels["shaft_speed_rpm"] = samples[:, OMEGA] / RAD_PER_S_PER_RPM
     channels["fluid_temperature_degc"] = _column("fluid_temperature_degc", times, table, at)
     channels["reservoir_pressure_bar"] = _column("reservoir_pressure_bar", times, table, at)

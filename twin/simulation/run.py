@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twin import columns as at
 from twin.condition import Condition, Health
+from twin.operating_point.validity import GAP_MODEL
 from twin.parameters import Circuit, Pump
 from twin.parts.geometry import geometry_faults
 from twin.recording import Recording
@@ -25,6 +26,7 @@ from twin.simulation.layout import (
     N_VOLUMES,
     P_C,
     P_D,
+    P_I,
     THETA,
     state_name,
 )
@@ -38,6 +40,7 @@ from twin.simulation.loop import (
     run_loop,
     workspace,
 )
+from twin.simulation.mapped_slippers import FIRST_OUTSIDE, NO_GAPS, OUTSIDE, by_metamodel, metamodel_faults
 from twin.simulation.output import MEANS, cycle_means, recording_of
 from twin.simulation.scenario import STEP_RANGE_S, Scenario, Value
 from twin.simulation.start import starting_state
@@ -50,13 +53,16 @@ Progress = Callable[[float], None]
 DEFAULT_STEP_S = 58.5e-6
 FULL_STEP_RPM = 4600.0
 VARIABLE_GAP_STEP_S = 10.0e-6
+SLIPPER_GAPS = ("resolved", "metamodel")
+"""How the gap of a slipper that follows from the forces is found."""
 _PIECE_S = 0.25
 """Longest piece between two calls of the compiled loop [s]: progress, and memory of a stream."""
 
 ADVICE: dict[int, str] = {
     RUNNING: "ran to its end",
     DIVERGED: "the solution left the numbers: take a shorter step and look at what happens there",
-    CAVITATED: "a volume ran dry: the asked flow is more than the pump delivers, give the load as an opening instead",
+    CAVITATED: "a volume ran dry: its absolute pressure would lie below zero, the asked flow is more than the pump "
+    "delivers; give the load as an opening instead",
 }
 
 
@@ -69,6 +75,7 @@ class Options(TypedDict, total=False):
     keep_states: bool
     initial_state: Vector | None
     piece_s: float
+    slipper_gaps: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +92,17 @@ class Status:
         The state farthest from its place when it failed, in words; empty when it went through.
     n_steps
         Steps taken.
+    outside_s, outside_from_s
+        How long the metamodel of the slippers was asked beyond its runs, and from when first [s]; 0 and infinity where it
+        never was, or was not asked.
     """
 
     code: int
     time_s: float
     worst_state: str
     n_steps: int
+    outside_s: float = 0.0
+    outside_from_s: float = math.inf
 
     @property
     def ok(self) -> bool:
@@ -98,8 +110,18 @@ class Status:
         return self.code == RUNNING
 
     @property
+    def outside(self) -> tuple[str, ...]:
+        """What of the run lies outside what was validated, by the operating point's name; empty where nothing is known."""
+        return (GAP_MODEL,) if self.outside_s > 0.0 else ()
+
+    @property
     def advice(self) -> str:
         """What happened and what to do, in a sentence."""
+        if self.ok and self.outside_s > 0.0:
+            return (
+                f"{ADVICE[RUNNING]}, {self.outside_s:.3g} s of it, from {self.outside_from_s:.3g} s on, outside "
+                f"({GAP_MODEL}): the metamodel of the slippers was asked beyond its runs, resolve their gaps instead"
+            )
         if self.ok:
             return ADVICE[RUNNING]
         return f"stopped at {self.time_s:.6g} s ({self.worst_state}): {ADVICE[self.code]}"
@@ -172,6 +194,7 @@ def pieces(
     keep_states: bool = False,
     initial_state: Vector | None = None,
     piece_s: float = _PIECE_S,
+    slipper_gaps: str = SLIPPER_GAPS[0],
 ) -> Iterator[Run]:
     """Simulate a scenario piece by piece: every piece is a ``Run`` of its own, so that memory stays bounded.
 
@@ -189,6 +212,10 @@ def pieces(
         Start from here instead of from the operating point, shape (n_states,).
     piece_s
         Length of a piece [s].
+    slipper_gaps
+        Of ``SLIPPER_GAPS``, for a set with variable gaps: ``resolved`` by pockets, gaps and microseconds, or by their
+        ``metamodel`` (``twin.simulation.mapped_slippers``), which answers with means of a revolution; where it is asked
+        beyond its runs, the status says so.
 
     Raises
     ------
@@ -197,6 +224,11 @@ def pieces(
     """
     faults = geometry_faults(pump)
     n = int(pump.piston.n) if not faults else 9
+    if slipper_gaps not in SLIPPER_GAPS:
+        faults.append(f"slipper_gaps = {slipper_gaps!r} (known: {', '.join(SLIPPER_GAPS)})")
+    mapped = slipper_gaps == SLIPPER_GAPS[1]
+    if mapped and not faults:
+        faults += metamodel_faults(pump)
     low, high = STEP_RANGE_S
     if step_s is not None and not (math.isfinite(step_s) and low <= step_s <= high):
         faults.append(f"step_s = {step_s:g} (allowed: {low:g} to {high:g} s)")
@@ -211,6 +243,10 @@ def pieces(
     if faults:
         raise ValueError("; ".join(faults))
     start, T_start = starting_state(pump, circuit, table[0])
+    gaps = NO_GAPS
+    if mapped:
+        pump, gaps = by_metamodel(pump)
+        start = start[: N_SHARED + n]
     if initial_state is not None:
         if initial_state.shape != start.shape:
             raise ValueError(f"initial_state must have shape {start.shape}; got {initial_state.shape}")
@@ -220,7 +256,7 @@ def pieces(
     interval = dt * substeps
     total = max(1, round(scenario.duration_s / interval))
     per_piece = max(1, round(piece_s / interval))
-    ws = workspace(n, len(y))
+    ws = workspace(n, len(y), mapped)
     revolution = np.zeros(N_REVOLUTION)
     revolution[ANGLE] = y[THETA]
     revolution[BEGUN : BEGUN + N_STATE_MEANS] = [*y[:N_VOLUMES], y[ALPHA]]
@@ -235,7 +271,7 @@ def pieces(
         samples[:, 0] = np.nan
         pace = Pace(first * interval, dt, m, substeps, extrapolate, T_start)
         account = Account(keep, samples, revolution, means, counts)
-        code = run_loop(pump, circuit, Inputs(times, table), y, pace, account, ws)
+        code = run_loop(pump, circuit, gaps, Inputs(times, table), y, pace, account, ws)
         done = m if code == RUNNING else int(np.flatnonzero(np.isnan(samples[:, 0]))[0])
         instants = interval * np.arange(first + 1, first + done + 1, dtype=np.float64)
         ended = instants[-1] if code == RUNNING else float(revolution[STOPPED_AT])
@@ -243,7 +279,7 @@ def pieces(
         yield Run(
             recording_of(pump, scenario.title, times, table, instants, samples[:done]),
             cycle_means(times, table, means[: min(int(counts[ENDED]), len(means))]),
-            Status(code, float(ended), worst, int(counts[TAKEN])),
+            Status(code, float(ended), worst, int(counts[TAKEN]), *map(float, ws.gathered[[OUTSIDE, FIRST_OUTSIDE]])),
             keep[:done],
         )
         if code != RUNNING:
@@ -321,8 +357,9 @@ def _worst(y: Vector, n: int) -> str:
     bad = np.flatnonzero(~np.isfinite(y))
     if len(bad):
         return state_name(int(bad[0]), n)
-    if min(y[P_D], y[P_C]) < 0.0:
-        return state_name(P_D if y[P_D] < y[P_C] else P_C, n)
+    volumes = (P_D, P_C, P_I)
+    if min(y[j] for j in volumes) < 0.0:
+        return state_name(min(volumes, key=lambda j: float(y[j])), n)
     chambers = y[N_SHARED : N_SHARED + n]
     return state_name(N_SHARED + int(np.argmax(np.abs(chambers))), n)
 

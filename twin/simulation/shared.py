@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
-from twin.laws.compressibility import relative_compressibility
+from twin.laws.compressibility import P_FLOOR, relative_compressibility
 from twin.laws.fluid import film_viscosity
 from twin.laws.friction import friction_damping, friction_damping_ahead
 from twin.operating_point.equations import drain_viscosity_ratio
@@ -49,6 +49,7 @@ from twin.simulation.scene import Scene
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+_BLEED_ROUNDS = 6
 
 
 class Servo(NamedTuple):
@@ -68,6 +69,7 @@ class Servo(NamedTuple):
 class Shared(NamedTuple):
     """Conductances [m3/s/Pa], flows and forces of everything but the chambers at one instant.
 
+    ``bleed`` is the flow at that instant, which a step takes as it will be (``bleed_ahead``);
     ``e_in_x``, ``e_out_x`` are slopes of the control flows by the spool's position [m2/s]; ``F_spring`` with its
     slopes acts against discharge pressure on the spool, ``F_friction_v`` being the part of ``F_spring_v`` that is friction
     at the spool's speed of now; ``torque`` is what acts on the plate besides pressures.
@@ -127,7 +129,7 @@ def _warmed_drain(pump: Pump, scene: Scene, k_c: float, k_cQ: float, dP: float, 
 def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Shared:
     """Passages and forces between the shared states of ``y``."""
     comp, gap, plate, servo = pump.compensator, pump.port_plate, pump.swashplate, pump.servo
-    P_d, P_c, P_i, P_ctrl = y[P_D], y[P_C], y[P_I], y[P_CTRL]
+    P_d, P_c, P_i, P_ctrl = y[P_D], y[P_C], y[P_I], max(y[P_CTRL], P_FLOOR)
     x, v, alpha, alpha_dot = y[X], y[V_SPOOL], y[ALPHA], y[ALPHA_DOT]
     rho, t = scene.rho, math.tan(alpha)
     plate_gap = scene.plate_scale * gap.h**3 / 12.0 * gap.shape
@@ -139,7 +141,7 @@ def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Sh
     e_out += servo_part.stroking_leakage(servo, mu_out) + bleed_conductance(comp, P_ctrl - P_c, rho)
     bleed = 0.0
     if scene.bleed > 0.0:
-        bleed = scene.bleed * math.tanh((P_ctrl - P_c) / (0.05 * servo.F_rate / servo.A_stroke))
+        bleed = servo_part.bleed_flow(servo, scene.bleed, P_ctrl - P_c)
 
     jet, jet_x = jet_stiffness(comp, scene.edge, x, P_d - P_ctrl)
     stopped, stop_x = spool_stop(comp, x)
@@ -243,7 +245,7 @@ def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, d
     A[P_C, P_I] = -s.drain * shared
     A[P_C, P_CTRL] = -s.e_out
     A[P_C, SPOOL_SPEED] = -s.e_out_x * dt
-    b[P_C] = C_c * P_c + s.plate_s * P_s + s.bleed + s.drain * (1.0 - shared) * P_s
+    b[P_C] = C_c * P_c + s.plate_s * P_s + s.drain * (1.0 - shared) * P_s
     # return junction
     A[P_I, P_D] = -s.load - s.system
     A[P_I, P_C] = -s.drain * shared
@@ -254,7 +256,7 @@ def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, d
     A[P_CTRL, P_C] = -s.e_out
     A[P_CTRL, P_CTRL] = C_x + s.e_in + s.e_out
     A[P_CTRL, SPOOL_SPEED] = -(s.e_in_x - s.e_out_x) * dt
-    b[P_CTRL] = C_x * P_ctrl - s.bleed
+    b[P_CTRL] = C_x * P_ctrl
     # spool
     A[SPOOL_SPEED, P_D] = -comp.A_spool
     A[SPOOL_SPEED, P_C] = comp.A_spool
@@ -276,7 +278,7 @@ def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, d
     # the plate on the control volume is an oscillator that a wholly implicit step damps: pushing it by the mean of old
     # and new control pressure halves that and stays stable at any step
     A[TILT_RATE, P_CTRL] += 0.5 * s.arm
-    b[TILT_RATE] -= 0.5 * s.arm * P_ctrl
+    b[TILT_RATE] -= 0.5 * s.arm * max(P_ctrl, P_FLOOR)
     A[TILT_RATE, P_C] -= s.arm - s.arm_rate
     A[P_D, TILT_RATE] += s.arm_rate
     A[TILT_RATE, P_D] -= s.arm_rate
@@ -329,3 +331,50 @@ def _assemble_servos(pump: Pump, s: Shared, y: Vector, dt: float, A: Matrix, b: 
     A[TILT_RATE, P_C] += reach * K * a_p
     A[TILT_RATE, TILT_RATE] += reach * K * (reach - a_w)
     b[TILT_RATE] += reach * (s.rate.elastic + K * a_0)
+
+
+@inlined
+def ended_control(y: Vector, A: Matrix, b: Vector) -> float:
+    """Control pressure at the step's end times its own coefficient, the other states standing [m3/s]."""
+    left = b[P_CTRL] - A[P_CTRL, P_D] * y[P_D] - A[P_CTRL, P_C] * y[P_C]
+    return float(left - A[P_CTRL, SPOOL_SPEED] * y[V_SPOOL] - A[P_CTRL, TILT_RATE] * y[ALPHA_DOT])
+
+
+@compiled
+def bleed_ahead(pump: Pump, scene: Scene, y: Vector, A: Matrix, b: Vector) -> tuple[float, float]:
+    """Put a bleed of the control volume into the shared system; its flow is ``k + g (P_ctrl' - P_c')``.
+
+    It empties that small volume in microseconds and then fades, so that it is taken about the pressure at which the step
+    will end: ``z + a tanh z = r``, by Newton's method from the left, where it never leaps.
+    """
+    faded = servo_part.faded_pressure(pump.servo)
+    per = 1.0 / (A[P_CTRL, P_CTRL] * faded)
+    a = scene.bleed * per
+    r = ended_control(y, A, b) * per - y[P_C] / faded
+    end = abs(r)
+    z = max(end - a, end / (1.0 + a))
+    th = math.tanh(z)
+    for _ in range(_BLEED_ROUNDS):
+        z += (end - z - a * th) / (1.0 + a * (1.0 - th * th))
+        th = math.tanh(z)
+    g = scene.bleed / faded * (1.0 - th * th)
+    k = math.copysign(scene.bleed * th - g * faded * z, r)
+    A[P_CTRL, P_CTRL] += g
+    A[P_CTRL, P_C] -= g
+    A[P_C, P_CTRL] -= g
+    A[P_C, P_C] += g
+    b[P_CTRL] -= k
+    b[P_C] += k
+    return k, g
+
+
+@inlined
+def open_cavity(y: Vector, A: Matrix, b: Vector) -> None:
+    """Hold the control pressure of the system at ``P_FLOOR`` where the step would take it below: nothing pulls a fluid.
+
+    The state, which follows from the mass, counts what is missing until the cavity is filled again.
+    """
+    if ended_control(y, A, b) < P_FLOOR * A[P_CTRL, P_CTRL]:
+        for j in range(6):
+            A[P_CTRL, j] = 0.0
+        A[P_CTRL, P_CTRL], b[P_CTRL] = 1.0, P_FLOOR

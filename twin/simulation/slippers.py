@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
-from twin.laws.compressibility import pressure, relative_compressibility, relative_density
+from twin.laws.compressibility import P_FLOOR, pressure, relative_compressibility, relative_density
 from twin.parameters import Pump
 from twin.parts.slipper import lever
 from twin.simulation.filling import port
@@ -61,6 +61,9 @@ _QUIET_SHARE, _SLAM_SHARE, _BLOW_SHARE = 0.02, 0.2, 0.1
 _NEAR, _AT_REST, _THIN = 0.5e-6, 0.05e-6, 5.0e-6
 """Distance from plate or retainer at which contact is near, travel in a step of a slipper that rests there, and gap below
 which the film holds a slipper whatever strikes it [m]."""
+
+_LOW = 1.0e6
+"""Pressure of chamber or pocket below which a cavity may open within a substep [Pa]."""
 
 
 @compiled
@@ -164,7 +167,9 @@ def _glide(
         r = cos_alpha * piston.R * t * (c_new - c) / step
         arm_old = lever(piston, h, cos_alpha, t, middle)
         stance = Stance(clearance, wear, t, cos_alpha, middle)
-        f = film(pump, scene, stance, Motion(P, P_p, P_c, h, u, cos_alpha * u + r + arm_old * w_old))
+        # passages see the floor where a cavity stands open
+        motion = Motion(max(P, P_FLOOR), max(P_p, P_FLOOR), P_c, h, u, cos_alpha * u + r + arm_old * w_old)
+        f = film(pump, scene, stance, motion)
         G_d, G_s = port(plate, delayed, P, P_d, scene.P_s, scene.rho)
         delayed += turn
         density = relative_density(medium, P)
@@ -180,6 +185,24 @@ def _glide(
         m_21 = A_p - cos_alpha * S * f.throttle * D_p
         m_22 = piston.m / step + f.held + cos_alpha * cos_alpha * (K_t + S * Sd)
         det = 1.0 / (m_11 * m_22 - m_12 * m_21)
+        empty = dry = False
+        if P < _LOW or P_p < _LOW:
+            # a cavity opens where the step would end below the floor, as in a chamber with a constant gap
+            shift = r + f.arm * w_old
+            q = (C_p * P_p + f.land * P_c - w_p * S * shift) * D_p
+            r_1 = C * P + G_s * scene.P_s + G_d * P_d + f.ring * P_c - f.drag + f.throttle * q
+            push = S * (q - P_c) + extra * (scene.P_amb - P_c) + f.elastic - K_t * shift
+            r_2 = piston.m / step * u + A_p * P_c + cos_alpha * push
+            ended = (r_1 * m_22 - m_12 * r_2) * det
+            empty = ended < P_FLOOR
+            moving = (m_11 * r_2 - m_21 * r_1) * det
+            dry = q + f.throttle * D_p * ended - Sd * cos_alpha * moving < P_FLOOR
+            if dry:
+                D_p = Sd = 0.0
+                m_11 = C + G_d + G_s + f.throttle + f.ring
+                m_12, m_21 = -density * A_p, A_p
+                m_22 = piston.m / step + f.held + cos_alpha * cos_alpha * K_t
+                det = 1.0 / (m_11 * m_22 - m_12 * m_21)
         for j in range(4):
             q = C_p * row[_Q + j]
             r_1 = C * row[_P + j]
@@ -205,15 +228,28 @@ def _glide(
                 q -= w_p * S * f.arm
                 r_2 -= cos_alpha * K_t * f.arm
                 lift = f.arm
-            q *= D_p
+            floor = P_FLOOR if j == 0 else 0.0
+            q = floor if dry else q * D_p
             r_1 += f.throttle * q
             r_2 += cos_alpha * (S * q + force)
             P_j = (r_1 * m_22 - m_12 * r_2) * det
             u_j = (m_11 * r_2 - m_21 * r_1) * det
+            if empty:
+                P_j, u_j = floor, (r_2 - m_21 * floor) / m_22
             q_j = q + f.throttle * D_p * P_j - Sd * cos_alpha * u_j
             lift += cos_alpha * u_j
             push = S * (q_j - c_j) + force - K_t * lift
-            row[_P + j], row[_U + j], row[_Q + j] = P_j, u_j, q_j
+            row[_U + j] = u_j
+            if empty:
+                # the state counts what is missing
+                into = r_1 - f.throttle * q - C * row[_P + j] + f.throttle * q_j + density * A_p * u_j
+                row[_P + j] += (into - (G_d + G_s + f.throttle + f.ring) * P_j) / C
+            else:
+                row[_P + j] = P_j
+            if dry:
+                row[_Q + j] += (f.throttle * (P_j - q_j) - f.land * (q_j - c_j) - w_p * S * lift) / C_p
+            else:
+                row[_Q + j] = q_j
             row[_H + j] += step * lift
             row[_TO_D + j] += per * G_d * (P_j - d_j)
             row[_FROM_S + j] -= per * G_s * P_j

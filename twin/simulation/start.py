@@ -61,14 +61,14 @@ def starting_state(pump: Pump, circuit: Circuit, inputs: Vector) -> tuple[Vector
     if not solve_cold(pump, slipper_model(pump), circuit, row, k_d, u, Y, work):
         raise ValueError("no operating point to start from: ask for less flow or a healthier pump")
     ambient = row[at.AMBIENT] * PA_PER_BAR
-    if min(Y[at.DISCHARGE_PRESSURE], Y[at.CASE_PRESSURE], Y[at.CONTROL_PRESSURE]) < -row[at.AMBIENT]:
+    pressures = [at.DISCHARGE_PRESSURE, at.CASE_PRESSURE, at.RETURN_PRESSURE, at.CONTROL_PRESSURE]
+    if min(Y[pressures]) < -row[at.AMBIENT]:
         raise ValueError("no operating point to start from: an absolute pressure would lie below zero")
     P_s = row[at.RESERVOIR] * PA_PER_BAR + ambient
     alpha = min(float(u[U_TILT]), pump.swashplate.alpha_max)
     t, omega = np.tan(alpha), row[at.SPEED] * RAD_PER_S_PER_RPM
     variable = pump.slipper.variable > 0.5
     y = np.zeros(n_states(n, variable))
-    pressures = [at.DISCHARGE_PRESSURE, at.CASE_PRESSURE, at.RETURN_PRESSURE, at.CONTROL_PRESSURE]
     y[[P_D, P_C, P_I, P_CTRL]] = Y[pressures] * PA_PER_BAR + ambient
     y[X], y[ALPHA], y[OMEGA] = u[U_SPOOL], alpha, omega
     # pressed against the plate: as deep in contact as each one's force asks

@@ -15,7 +15,7 @@ from twin.compiled import compiled, inlined
 from twin.laws.compressibility import pressure_of, relative_density
 from twin.parameters import Circuit, Pump
 from twin.parts.drive import friction_torque, speed_after
-from twin.simulation import chambers, slippers
+from twin.simulation import chambers, mapped_slippers, slippers
 from twin.simulation.layout import (
     ALPHA,
     ALPHA_DOT,
@@ -30,6 +30,7 @@ from twin.simulation.layout import (
     Q_DRAIN,
     Q_LOAD,
     Q_RETURN,
+    Q_SLIPPER,
     Q_SUCTION,
     Q_SYSTEM,
     SPOOL_SPEED,
@@ -44,7 +45,7 @@ from twin.simulation.layout import (
     X,
 )
 from twin.simulation.scene import Scene
-from twin.simulation.shared import Shared, assemble, servo_speed, shared_passages
+from twin.simulation.shared import Shared, assemble, bleed_ahead, open_cavity, servo_speed, shared_passages
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -60,12 +61,15 @@ class Step(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What a step works on: factors on the gaps (n, 2), table of the chambers (n, N_COLUMNS), shared system (6, 6), (6,)."""
+    """What a step works on: factors on the gaps (n, 2), table of the chambers (n, N_COLUMNS), shared system (6, 6), (6,),
+    and what a metamodel says that slippers add (``mapped_slippers``), shape (N_ADDED,), or (0,) without one.
+    """
 
     clearances: Matrix
     ch: Matrix
     A: Matrix
     b: Vector
+    added: Vector
 
 
 @inlined
@@ -96,13 +100,20 @@ def solve_step(
     [m3 at ambient density]; ``flows`` (N_FLOWS,) the step's flows.
     """
     n, dt, n_sub, T_start = step
-    clearances, ch, A, b = scratch
+    clearances, ch, A, b, added = scratch
+    mapped = added.shape[0] > 0
     lifted = pump.slipper.variable > 0.5
     assemble(pump, circuit, scene, s, y, dt, A, b)
     if lifted:
         slippers.eliminate_lifted(pump, scene, y, n, dt, clearances, ch, A, b)
     else:
         chambers.eliminate(pump, scene, y, n, dt, n_sub, clearances, ch, A, b)
+    if mapped:
+        mapped_slippers.assemble(added, scene.P_s, A, b)
+    bleed = bleed_slope = 0.0
+    if scene.bleed > 0.0:
+        bleed, bleed_slope = bleed_ahead(pump, scene, y, A, b)
+    open_cavity(y, A, b)
     if not solve_shared(A, b):
         return False
     Pd, Pc, Pi, Pctrl, v_new, w_new = b[P_D], b[P_C], b[P_I], b[P_CTRL], b[SPOOL_SPEED], b[TILT_RATE]
@@ -118,9 +129,14 @@ def solve_step(
     q_load = s.load * (Pd - Pi) + scene.Q_load
     q_sys = s.system * (Pd - P_s)
     q_in = s.e_in * (Pd - Pctrl) + s.e_in_x * dt * v_new
-    q_out = s.e_out * (Pctrl - Pc) + s.e_out_x * dt * v_new + s.bleed
+    q_out = s.e_out * (Pctrl - Pc) + s.e_out_x * dt * v_new + bleed + bleed_slope * (Pctrl - Pc)
     q_dc = (s.plate_d + s.throttled + s.rate_leak) * (Pd - Pc)
     q_sc = s.plate_s * (P_s - Pc)
+    if mapped:
+        from_d, from_s = mapped_slippers.flows(added, Pd, Pc, P_s)
+        q_dc, q_sc = q_dc + from_d, q_sc + from_s
+        flows[Q_SLIPPER] = from_d + from_s
+        flows[TORQUE] += added[mapped_slippers.SHAFT]
     q_drain = s.drain * (Pc - (Pi if shared > 0.5 else P_s))
     q_ret = s.ret * (Pi - P_s)
     swept, fed = -s.arm * w_new, s.arm_rate * w_new

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.condition import Condition, Health, input_rows
-from twin.laws.compressibility import pressure, relative_compressibility, relative_density
+from twin.laws.compressibility import P_FLOOR, pressure, relative_compressibility, relative_density
 from twin.laws.fluid import Film
 from twin.parameters import Pump
 from twin.pumps import circuit_parameters
@@ -100,7 +100,10 @@ def _turn(
         phi_new = phi + y[OMEGA] * dt
         r = cos_alpha * piston.R * t * (math.cos(phi_new) - math.cos(phi)) / dt
         f = film(
-            pump, scene, Stance(1.0, 1.0, t, cos_alpha, math.cos(phi)), Motion(P, P_p, P_c, h, u, cos_alpha * u + r)
+            pump,
+            scene,
+            Stance(1.0, 1.0, t, cos_alpha, math.cos(phi)),
+            Motion(P, max(P_p, P_FLOOR), P_c, h, u, cos_alpha * u + r),
         )
         P_new = prescribed_pressure(P_d, P_s, ramp, phi_new)
         # pocket pressure and speed at the step's end, linearly implicit as in the whole pump; no leak of the bore
@@ -112,16 +115,23 @@ def _turn(
         push = cos_alpha * (S * (q_0 - P_c) + extra * (scene.P_amb - P_c) + f.elastic - K * r)
         inert = piston.m / dt + f.held + cos_alpha * cos_alpha * (K + w_p * S * S * D_p)
         y[i + 3] = (piston.m / dt * u + push - A_p * (P_new - P_c)) / inert
+        P_end = q_0 - w_p * S * D_p * cos_alpha * y[i + 3]
+        if P_end < P_FLOOR:
+            # a cavity: its pressure stands, the state counts what is missing
+            P_end = P_FLOOR
+            push += cos_alpha * S * (P_FLOOR - q_0)
+            inert = piston.m / dt + f.held + cos_alpha * cos_alpha * K
+            y[i + 3] = (piston.m / dt * u + push - A_p * (P_new - P_c)) / inert
         h_dot = cos_alpha * y[i + 3] + r
         y[i + 2] = h + dt * h_dot
-        P_end = q_0 - w_p * S * D_p * cos_alpha * y[i + 3]
         land, throttle = f.land * (P_end - P_c), f.throttle * (P_new - P_end)
         held = w_p * (slipper.V_pocket + S * h) + dt * (throttle - land)
         y[i], y[i + 1] = P_new, pressure(medium, held / (slipper.V_pocket + S * y[i + 2]), P_end)
         y[THETA] = phi_new
         if j >= skipped:
             row = kept[j - skipped]
-            row[_ANGLE], row[_CHAMBER], row[_POCKET_PRESSURE], row[_GAP] = phi_new, P_new, y[i + 1], y[i + 2]
+            row[_ANGLE], row[_CHAMBER], row[_GAP] = phi_new, P_new, y[i + 2]
+            row[_POCKET_PRESSURE] = max(y[i + 1], P_FLOOR)
             row[_LAND], row[_THROTTLE], row[_CASE] = land, throttle, land + (S + extra) * h_dot - A_p * y[i + 3]
 
 

@@ -130,7 +130,10 @@ class StoredAssessment(Base):
     """
 
     __tablename__ = "assessments"
-    __table_args__ = (Index("ix_assessments_pump_id_at", "pump_id", "at"),)
+    __table_args__ = (
+        Index("ix_assessments_pump_id_at", "pump_id", "at"),
+        Index("ix_assessments_aircraft_pump_id_at", "aircraft", "pump_id", "at"),
+    )
 
     record_id: Mapped[str] = mapped_column(ForeignKey("records.id"), primary_key=True)
     pump_id: Mapped[int] = mapped_column(ForeignKey("pumps.id"))

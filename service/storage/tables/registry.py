@@ -16,7 +16,10 @@ class Pump(Base):
     ``look`` is what the serial number looks like to somebody in a hurry (``service.ingest.names``); empty on rows older than it.
     ``made_by`` is the release, as a number that sorts, of the newest process that has written the pump's reductions or
     verdicts, and ``made_with`` the hash of its code: empty where they are to be made again.
-    ``revision`` is raised, under the pump's lock, by whoever changes what is stored of it.
+    ``revision`` is raised, under the pump's lock, by whoever changes what is stored of it (``changed`` where verdicts stay).
+    ``standing`` is how the pump stands by its newest record (``service.reading.standing``), kept with every fold; empty without
+    one. It holds where ``standing_at`` is the revision now: a writer that does not know it leaves it behind. ``standing_link`` is
+    the last link of the chain of verdicts then, which names all that they were folded from.
     """
 
     __tablename__ = "pumps"
@@ -32,6 +35,15 @@ class Pump(Base):
     made_by: Mapped[int | None]
     made_with: Mapped[str | None]
     revision: Mapped[int] = mapped_column(default=0, server_default="0")
+    standing: Mapped[dict[str, Any] | None] = mapped_column(deferred=True)
+    standing_at: Mapped[int | None]
+    standing_link: Mapped[str | None]
+
+    def changed(self) -> None:
+        """Raise the revision for a change that leaves the newest verdict as it is; the caller holds the pump's lock."""
+        if self.standing_at == self.revision:
+            self.standing_at += 1
+        self.revision += 1
 
 
 class Aircraft(Base):

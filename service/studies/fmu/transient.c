@@ -54,10 +54,11 @@ static void prepare(Model *m) {
 
 static bool step(Model *m, const T_scene_Scene *scene, double dt) {
     T_loop_Workspace ws = {
-        {{m->clearances, N_PISTONS, 2}, {m->chambers, N_PISTONS, N_COLUMNS}, {m->A, 6, 6}, {m->b, 6}},
-        VEC(coarse), VEC(masses), VEC(masses_coarse), VEC(flows), VEC(flows_half)};
+        {{m->clearances, N_PISTONS, 2}, {m->chambers, N_PISTONS, N_COLUMNS}, {m->A, 6, 6}, {m->b, 6}, {m->b, 0}},
+        VEC(coarse), VEC(masses), VEC(masses_coarse), VEC(flows), VEC(flows_half), {m->b, 0}};
     m->y[P_I] = (m->v[1 + CASE_LINE_IN] + AMBIENT) * 1.0e5; /* the far end of the drain is the other model's */
     bool ok = loop_advance(m->pump, m->circuit, *scene, VEC(y), dt, 0.0, 1, ws);
+    if (m->y[P_D] < 0.0 || m->y[P_C] < 0.0) return false; /* nothing pulls a fluid */
     if (m->y[THETA] >= 6.283185307179586) m->y[THETA] -= 6.283185307179586;
     return ok;
 }
@@ -77,7 +78,7 @@ static int advance(Model *m, double h) {
     double *out = m->v + FIRST_OUTPUT;
     out[0] = m->y[P_D] / 1.0e5 - AMBIENT;
     out[1] = m->y[P_C] / 1.0e5 - AMBIENT;
-    out[2] = m->y[P_CTRL] / 1.0e5 - AMBIENT;
+    out[2] = fmax(m->y[P_CTRL], FLOOR) / 1.0e5 - AMBIENT;
     out[3] = sums[Q_SUCTION] * 6.0e4;
     out[4] = sums[Q_DRAIN] * 6.0e4;
     out[5] = sums[TORQUE];

@@ -15,6 +15,7 @@ from service.studies.fmu.packing import VERSIONS, Unit, Variable, pack, template
 from service.studies.fmu.translation import Translation
 from twin import columns as at
 from twin.condition import HEALTH_INPUTS, INPUTS, Condition, Health
+from twin.laws.compressibility import P_FLOOR
 from twin.operating_point import operating_point, problem
 from twin.parameters import Circuit, Pump, PumpType
 from twin.pumps.circuit_sets import CircuitSet
@@ -143,7 +144,7 @@ def _sources(
         "N_INPUTS": len(PORTS), "N_HEALTH": len(HEALTH), "N_NUMBERS": len(starts) - len(PORTS) - len(HEALTH),
         "N_OUTPUTS": len(OUTPUTS), "N_PISTONS": n, "N_STATES": len(state), "N_ROW": N_SCENE + 2 * n,
         "N_FLOWS": layout.N_FLOWS, "N_COLUMNS": layout.N_COLUMNS, "AMBIENT_COLUMN": at.AMBIENT,
-        "AMBIENT": STANDARD_ATMOSPHERE_BAR, "FULL_STEP_RPM": FULL_STEP_RPM,
+        "AMBIENT": STANDARD_ATMOSPHERE_BAR, "FLOOR": P_FLOOR, "FULL_STEP_RPM": FULL_STEP_RPM,
         "STEP_S": default_step(pump, Scenario(1.0, condition._replace(speed_rpm=FULL_STEP_RPM))),
     }  # fmt: skip
     defined |= {name: getattr(layout, name) for name in (

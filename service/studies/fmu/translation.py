@@ -15,7 +15,7 @@ import numpy as np
 
 _OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-_MATHS = ("sqrt", "sin", "cos", "tan", "tanh", "exp", "log", "atan", "acos", "pow")
+_MATHS = ("sqrt", "sin", "cos", "tan", "tanh", "exp", "log", "atan", "acos", "pow", "copysign")
 _PLAIN = {float: "double", int: "int", bool: "int", type(None): "void"}
 PRELUDE = """#include <math.h>
 #include <string.h>

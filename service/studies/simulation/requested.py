@@ -16,7 +16,8 @@ from twin.pumps import PUMP_TYPES
 from twin.pumps.circuit_sets import CIRCUIT_SETS, CircuitSet
 from twin.pumps.fluids import FLUIDS, with_fluid
 from twin.recording import TIME
-from twin.simulation.run import simulate, stepping
+from twin.simulation.mapped_slippers import metamodel_faults
+from twin.simulation.run import SLIPPER_GAPS, simulate, stepping
 from twin.simulation.scenario import GAP_INPUTS, Scenario, Schedule, Value
 
 LONGEST_S = 10.0
@@ -46,6 +47,7 @@ class Asked:
     schedule: Mapping[str, Number]
     health: Mapping[str, float | tuple[Sequence[float], Sequence[float]]]
     fluid: str | None = None
+    slipper_gaps: str = SLIPPER_GAPS[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,7 @@ class Checked:
     fluid: str | None
     scenario: Scenario
     sample_rate_hz: float
+    slipper_gaps: str
 
 
 def checked(
@@ -82,6 +85,8 @@ def checked(
     changes, wrong = _changes(asked)
     faults += wrong
     kind = types.get(asked.pump_type, PUMP_TYPES["h225"])
+    if asked.slipper_gaps == SLIPPER_GAPS[1] and not faults:
+        faults += [Fault("slipper_gaps", words) for words in metamodel_faults(with_fluid(kind, asked.fluid).pump)]
     condition = Condition(
         kind.nominal_speed_rpm, DEFAULT_TEMPERATURE_DEGC, reservoir_pressure_bar=kind.nominal_reservoir_pressure_bar
     )
@@ -97,7 +102,8 @@ def checked(
         faults.append(Fault("sample_rate_hz", f"{asked.sample_rate_hz:g} Hz give no sample within {duration:g} s"))
     if faults:
         raise Invalid(f"the simulation has {len(faults)} fault(s)", faults)
-    return Checked(circuit.around(with_fluid(kind, asked.fluid)), circuit, asked.fluid, scenario, asked.sample_rate_hz)
+    filled = circuit.around(with_fluid(kind, asked.fluid))
+    return Checked(filled, circuit, asked.fluid, scenario, asked.sample_rate_hz, asked.slipper_gaps)
 
 
 def simulated_json(asked: Checked) -> bytes:
@@ -109,7 +115,13 @@ def simulated_json(asked: Checked) -> bytes:
         when there is no operating point to start from, or the run stops on its way, with what to do.
     """
     try:
-        run = simulate(asked.kind.pump, asked.circuit.circuit, asked.scenario, sample_rate_hz=asked.sample_rate_hz)
+        run = simulate(
+            asked.kind.pump,
+            asked.circuit.circuit,
+            asked.scenario,
+            sample_rate_hz=asked.sample_rate_hz,
+            slipper_gaps=asked.slipper_gaps,
+        )
     except ValueError as problem:
         raise Invalid(str(problem), [Fault("schedule", str(problem))]) from None
     if not run.status.ok:
@@ -121,6 +133,7 @@ def simulated_json(asked: Checked) -> bytes:
         "duration_s": asked.scenario.duration_s,
         "sample_rate_hz": asked.sample_rate_hz,
         "pressure_reference": "gauge",
+        **({"outside": list(run.status.outside)} if run.status.outside else {}),
     }
     # channel by channel, so that other threads get their turn in between
     channels = (f'"{name}":{_numbers(samples)}' for name, samples in run.recording.channels.items())

@@ -104,7 +104,7 @@ def run_file(
     """
     around = circuit_named_or_written(circuit)
     scenario = leaking(file.scenario, around.leak_lpm)
-    pump = around.around(kind).pump
+    pump = around.around(file.filled(kind)).pump
     stream = (
         quasi_steady(pump, around.circuit, scenario, file.sample_rate_hz)
         if scenario.quasi_steady
@@ -114,6 +114,7 @@ def run_file(
             scenario,
             sample_rate_hz=file.sample_rate_hz,
             step_s=file.step_s,
+            slipper_gaps=file.slipper_gaps,
         )
     )
     try:
@@ -153,5 +154,6 @@ def _metadata(file: ScenarioFile, kind: PumpType, circuit: str, sensors: str) ->
         "scenario": scenario.title,
         "circuit": circuit_named_or_written(circuit).name,
         "sensors": sensors,
+        "fluid": file.fluid or "",
     }
     return {**file.metadata, **known, **{name: value for name, value in origin.items() if value}}

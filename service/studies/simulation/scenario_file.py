@@ -9,8 +9,11 @@ from typing import Any
 
 from service.ingest.metadata import KNOWN, checked_metadata
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, Condition, Health
+from twin.parameters import PumpType
+from twin.parts.geometry import MOST_FREE_AIR
+from twin.pumps.fluids import FLUIDS, with_fluid, with_free_air
 from twin.simulation.mechanisms import MECHANISMS, mechanism
-from twin.simulation.run import stepping
+from twin.simulation.run import SLIPPER_GAPS, stepping
 from twin.simulation.scenario import LONGEST_FLIGHT_S, LONGEST_RUN_S, STEP_RANGE_S, Scenario, Schedule, Value
 
 DEFAULT_RATE_HZ = 1000.0
@@ -32,8 +35,11 @@ _KEYS = (
     "changes",
     "metadata",
     "form",
+    "fluid",
+    "free_air",
+    "slipper_gaps",
 )
-_TRANSIENT_ONLY = ("step_s", "mechanism")
+_TRANSIENT_ONLY = ("step_s", "mechanism", "slipper_gaps")
 _INSTANTS = ("time_s", "flight_hours")
 
 
@@ -57,12 +63,24 @@ class ScenarioFile:
         Longest step [s]; None takes the twin's own.
     metadata
         Metadata of the flight record as texts.
+    fluid, free_air
+        Product that fills the pump, and its free air by volume at ambient pressure [-]; None: the pump type's own.
+    slipper_gaps
+        How the gap of slippers that follows from the forces is found (``twin.simulation.run.SLIPPER_GAPS``).
     """
 
     scenario: Scenario
     sample_rate_hz: float
     step_s: float | None
     metadata: Mapping[str, str]
+    fluid: str | None = None
+    free_air: float | None = None
+    slipper_gaps: str = SLIPPER_GAPS[0]
+
+    def filled(self, kind: PumpType) -> PumpType:
+        """The pump type with the file's fluid and free air."""
+        kind = with_fluid(kind, self.fluid)
+        return kind if self.free_air is None else with_free_air(kind, self.free_air)
 
 
 class _Reader:
@@ -101,6 +119,13 @@ class _Reader:
             self.faults.append(f"{where}: is {_kind(value)}, not a text")
             return ""
         return value
+
+    def one_of(self, where: str, value: Any, known: tuple[str, ...]) -> str | None:
+        """A text among those that are known; None where nothing is said."""
+        if value is not None and (not isinstance(value, str) or value not in known):
+            self.faults.append(f"{where} = {value!r} (known: {', '.join(known)})")
+            return None
+        return None if value is None else str(value)
 
     def section(self, data: Mapping[str, Any], name: str) -> dict[str, Any]:
         table = data.get(name, {})
@@ -172,6 +197,9 @@ def read_scenario(text: str, n_pistons: int) -> ScenarioFile:
     if hours > 0.0 and "flight_hours" not in reader.section(data, "metadata"):
         data["metadata"] = {**reader.section(data, "metadata"), "flight_hours": hours}
     metadata = _metadata(reader, data)
+    fluid = reader.one_of("fluid", data.get("fluid"), tuple(sorted(FLUIDS)))
+    gaps = reader.one_of("slipper_gaps", data.get("slipper_gaps"), SLIPPER_GAPS)
+    air = reader.bounded("free_air", data["free_air"], 0.0, MOST_FREE_AIR, "") if "free_air" in data else None
     scenario = _scenario(reader, data, duration, hours)
     if scenario is not None:
         scenario = replace(scenario, quasi_steady=flight)
@@ -185,7 +213,7 @@ def read_scenario(text: str, n_pistons: int) -> ScenarioFile:
             reader.faults.append(f"sample_rate_hz = {rate:g} gives no sample within duration_s = {duration:g}")
     if reader.faults or scenario is None:
         raise ScenarioFaultsError(reader.faults)
-    return ScenarioFile(scenario, rate, step, metadata)
+    return ScenarioFile(scenario, rate, step, metadata, fluid, air, gaps or SLIPPER_GAPS[0])
 
 
 def _scenario(reader: _Reader, data: dict[str, Any], duration_s: float, hours: float) -> Scenario | None:

@@ -1,5 +1,6 @@
 """The page of one pump: verdict, evidence, curve, trends, and what is entered about it."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
 from typing import Any, get_args
 
@@ -13,14 +14,18 @@ from service.alarms import reading
 from service.answers.alarms import Alarm
 from service.context import Context
 from service.errors import NotFound
-from service.history.knowledge import entries
+from service.history.knowledge import intervals_of
+from service.history.placement import changes
 from service.reading import queries
+from service.reading.by_link import ByLink
+from service.reading.events import entered_of
 from service.reading.fleet import pump_documents
 from service.reading.forecast import forecast_and_crossing
+from service.reading.pump_history import Change, changes_of
 from service.registry import findings, maintenance
 from service.reports.remarks import remarks
 from service.reports.words import ACTION_WORDS, WORDS
-from service.storage.tables import Finding, MaintenanceEvent, Pump
+from service.storage.tables import Pump
 from service.thresholds.layers import thresholds_of
 from service.web.dashboard.frame import PageRoute, html_page, local
 from service.web.dashboard.links import address, api_address
@@ -33,6 +38,7 @@ from twin.pumps.fluids import FLUIDS
 page_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 _MOST_ALARMS = 20
+_kept_changes: ByLink[list[Change]] = ByLink(500)
 _Body = tuple[str, int, dict[str, Any]]
 
 
@@ -60,35 +66,40 @@ def _pump_body(request: Request, context: Context, look: Look, serial: str, oper
         document = pump_documents(session, [row])[0]
         if document["records"] == 0:
             raise NotFound(f"pump {serial} has no analysed record yet")
-        forecast, verdict = forecast_and_crossing(session, row, queries.verdict(session, row))
+        thresholds = thresholds_of(session, row.operator, row.serial, row.pump_type).values
+        entered = entered_of(session, row.id)
+        moved = changes(intervals_of(entered.installations))
+        forecast, verdict = forecast_and_crossing(session, row, queries.verdict(session, row), thresholds, moved)
         values = {
             "request": request,
             "pump": document,
             "verdict": verdict,
             "remarks": remarks(verdict, system),
-            "changes": queries.verdict_changes(session, row)[::-1],
+            "changes": _changes(session, row),
             "curve": address("pumps", row.serial, "curve.svg", query={"operator": row.operator}),
             "forecast": forecast,
-            "trends": trends_of_page(session, asker, row, look, system),
+            "trends": trends_of_page(session, (asker, system), row, look, thresholds, entered),
             "alarms": _alarms(session, asker, row),
-            "findings": [
-                findings.document(f)
-                for f in sorted(entries(session, Finding, row.id), key=lambda f: f.at, reverse=True)
-            ],
+            "findings": [findings.document(f) for f in sorted(entered.findings, key=lambda f: f.at, reverse=True)],
             "maintenance": [
-                maintenance.document(e)
-                for e in sorted(entries(session, MaintenanceEvent, row.id), key=lambda e: e.at, reverse=True)
+                maintenance.document(e) for e in sorted(entered.maintenance, key=lambda e: e.at, reverse=True)
             ],
-            **_actions(session, asker, row),
+            **_actions(asker, row, thresholds),
             "causes": CAUSES,
             "api": api_address("pumps", serial),
         }
     return "pump.html", 200, values
 
 
-def _actions(session: Session, asker: Principal, row: Pump) -> dict[str, Any]:
+def _changes(session: Session, row: Pump) -> list[Change]:
+    """Changes of the verdict, the newest first."""
+    found = _kept_changes.of(session, [row], lambda ids: {i: changes_of(session, row) for i in ids})
+    return found.get(row.id, [])
+
+
+def _actions(asker: Principal, row: Pump, thresholds: Mapping[str, float]) -> dict[str, Any]:
     """What the forms of the pump page need; they are shown to those who may use them."""
-    longest = thresholds_of(session, row.operator, row.serial, row.pump_type).values["alarm_shelving_maximum_h"]
+    longest = thresholds["alarm_shelving_maximum_h"]
     now = datetime.now(UTC)
     # a minute less: the form is sent later than it is made
     latest = now + timedelta(hours=longest) - timedelta(minutes=1)

@@ -8,32 +8,24 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from fastapi import Depends, Query
 from markupsafe import Markup
-from sqlalchemy import select
+from numpy.typing import NDArray
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
-from service.access.security import Principal
-from service.answers.pumps import TrendPoint
+from service.access.security import EVERYBODY, Principal
 from service.errors import Fault, Invalid
 from service.reading import queries
-from service.reading.events import PumpEvent, events_of
-from service.reading.trend import METRICS, ZERO, SeenRecord, records_seen, thinned
+from service.reading.by_link import ByLink
+from service.reading.events import Entered, PumpEvent, events_of
+from service.reading.pump_history import SHOWN, PumpHistory, history_of
+from service.reading.trend import METRICS, ZERO, kept_places, newest_values
 from service.reports.trend_chart import LETTERS, Series, TrendChart, chart_svg
 from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES, WORDS
 from service.storage.tables import Pump, StoredAssessment
-from service.thresholds.layers import thresholds_of
 from service.units import UnitSystem
 from service.web.dashboard.forms import instant_of
 from service.web.dashboard.links import address, api_address
 
-SHOWN = (
-    "case_flow_at_reference_lpm",
-    "pump_leakage_change_lpm",
-    "case_residual_bar",
-    "discharge_residual_bar",
-    "system_leakage_change_lpm",
-    "drain_resistance_change_percent",
-    ZERO,
-)
 _NAMES = {**ESTIMATE_NAMES, ZERO: "zero of the case sensor"}
 _POINTS = 240
 """Most points of a line: one for each three pixels (our choice)."""
@@ -52,6 +44,7 @@ _KINDS = {
     "thresholds": "thresholds",
 }
 _DAY_S = 86_400.0
+_kept_newest: ByLink[Mapping[str, float]] = ByLink(5000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,44 +84,53 @@ class _Ends:
     high_h: float | None = None
 
 
-def trends_of_page(session: Session, asker: Principal, row: Pump, look: Look, system: UnitSystem) -> dict[str, Any]:
-    """Everything that the section of trends shows, in the reader's units where it is drawn.
+def trends_of_page(
+    session: Session,
+    reader: tuple[Principal, UnitSystem],
+    row: Pump,
+    look: Look,
+    thresholds: Mapping[str, float],
+    entered: Entered,
+) -> dict[str, Any]:
+    """Everything that the section of trends shows, in the reader's units; ``thresholds`` and ``entered`` are the pump's now.
 
     Raises
     ------
     Invalid
         with every end that cannot be read, or where they lie the wrong way round.
     """
-    newest = queries.newest_assessments(session, row.id, 1)
-    ends = _ends(look, newest[-1].at if newest else datetime.now(UTC))
-    seen = records_seen(session, StoredAssessment.pump_id == row.id, ends.since, ends.until)
-    seen = [r for r in seen if not look.in_hours or _has_hours(r, ends)]
-    events = events_of(session, row, seen, *_inside(seen, ends))
+    asker, system = reader
+    whole = history_of(session, row)
+    ends = _ends(look, whole.instant(-1) if len(whole) else datetime.now(UTC))
+    seen = whole.between(ends.since, ends.until)
+    if look.in_hours:
+        seen = seen.taken(_with_hours(seen, ends))
+    events = events_of(session, row, entered, seen, *_inside(seen, ends))
     axis = _Axis(look.in_hours, seen)
-    sibling = _sibling(session, row, newest, seen) if look.compare in ("", "sibling", "both") else []
+    sibling = _sibling(session, row, whole, seen) if look.compare in ("", "sibling", "both") else []
     bands = _bands(session, asker, row) if look.compare in ("fleet", "both") else {}
-    limit = thresholds_of(session, row.operator, row.serial, row.pump_type).values["case_flow_limit_lpm"]
+    limit = thresholds["case_flow_limit_lpm"]
     marked = [(axis.of(e.at), e.kind) for e in events]
     start, end = axis.ends(ends)
     charts = []
     for metric in SHOWN:
-        items = [p for r in seen if (p := r.point(metric)) is not None]
-        if not items and not look.is_zoomed:
+        places = seen.with_value(metric)
+        if not len(places) and not look.is_zoomed:
             continue
         chart = TrendChart(
             title=_NAMES.get(metric) or metric.rsplit("_", 1)[0].replace("_", " "),
             unit=system.word(METRICS[metric]),
-            own=axis.series(thinned(items, _POINTS)),
+            own=axis.series([(seen, places)], metric),
             start=start,
             end=end,
             in_hours=look.in_hours,
             limit=limit if metric == "case_flow_at_reference_lpm" else None,
-            sibling=axis.series(thinned([p for r in sibling if (p := r.point(metric)) is not None], _POINTS), False),
+            sibling=axis.series([(part, part.with_value(metric)) for part in sibling], metric, False),
             band=bands.get(metric),
             events=marked,
             scale=system.scale(METRICS[metric]),
         )
-        charts.append(_shown(row, metric, chart, items))
+        charts.append(_shown(row, metric, chart, seen, places))
     return {
         "charts": charts,
         "look": look,
@@ -172,29 +174,29 @@ def _hours(look: Look) -> _Ends:
     return _Ends(None, None, found[0], found[1])
 
 
-def _has_hours(record: SeenRecord, ends: _Ends) -> bool:
-    hours = record.flight_hours
-    if hours is None:
-        return False
-    return (ends.low_h is None or hours >= ends.low_h) and (ends.high_h is None or hours <= ends.high_h)
+def _with_hours(seen: PumpHistory, ends: _Ends) -> NDArray[np.intp]:
+    """Places of the records whose flight hours are known and lie within the ends."""
+    low = -np.inf if ends.low_h is None else ends.low_h
+    high = np.inf if ends.high_h is None else ends.high_h
+    return np.flatnonzero((seen.flight_hours >= low) & (seen.flight_hours <= high))
 
 
-def _inside(seen: Sequence[SeenRecord], ends: _Ends) -> tuple[datetime | None, datetime | None]:
+def _inside(seen: PumpHistory, ends: _Ends) -> tuple[datetime | None, datetime | None]:
     """Time within which events are told; over flight hours that of the records seen."""
     if ends.low_h is None and ends.high_h is None:
         return ends.since, ends.until
-    if not seen:
+    if not len(seen):
         return datetime.max.replace(tzinfo=UTC), None
-    return seen[0].at, seen[-1].at + timedelta(seconds=1)
+    return seen.instant(0), seen.instant(-1) + timedelta(seconds=1)
 
 
 class _Axis:
     """Where an event time lies on the horizontal axis: seconds since 1970, or the flight hours of the records seen."""
 
-    def __init__(self, in_hours: bool, seen: Sequence[SeenRecord]) -> None:
+    def __init__(self, in_hours: bool, seen: PumpHistory) -> None:
         self._in_hours = in_hours
-        self._at = np.array([r.at.timestamp() for r in seen])
-        self._hours = np.array([r.flight_hours or 0.0 for r in seen]) if in_hours else self._at
+        self._at = seen.at
+        self._hours = seen.flight_hours if in_hours else seen.at
 
     def of(self, at: datetime) -> float:
         """Place of an event time; between two flights what lies between their hours."""
@@ -202,12 +204,19 @@ class _Axis:
             return at.timestamp()
         return float(np.interp(at.timestamp(), self._at, self._hours)) if len(self._at) else 0.0
 
-    def series(self, items: Sequence[TrendPoint], with_interval: bool = True) -> Series:
-        """Points of a trend on this axis."""
-        x = [self.of(datetime.fromisoformat(item["at"])) for item in items]
-        if not with_interval:
-            return Series(x, [i["value"] for i in items])
-        return Series(x, [i["value"] for i in items], [i["low"] for i in items], [i["high"] for i in items])
+    def series(
+        self, parts: Sequence[tuple[PumpHistory, NDArray[np.intp]]], metric: str, with_interval: bool = True
+    ) -> Series:
+        """A metric at some places of histories, in event order and thinned, on this axis."""
+        if not parts:
+            return Series([], [])
+        at = np.concatenate([history.at[places] for history, places in parts])
+        numbers = np.concatenate([history.numbers[metric][places] for history, places in parts])
+        order = np.argsort(at, kind="stable")
+        kept = order[kept_places(numbers[order, 0], _POINTS)]
+        x = np.interp(at[kept], self._at, self._hours) if self._in_hours and len(self._at) else at[kept]
+        value, low, high = (column.tolist() for column in numbers[kept].T)
+        return Series(x.tolist(), value, low, high) if with_interval else Series(x.tolist(), value)
 
     def ends(self, ends: _Ends) -> tuple[float, float]:
         """What the charts show: what was asked for, else the records with a margin."""
@@ -225,33 +234,42 @@ class _Axis:
         return low, max(high, low + 1e-3)
 
 
-def _sibling(
-    session: Session, row: Pump, newest: Sequence[StoredAssessment], seen: Sequence[SeenRecord]
-) -> list[SeenRecord]:
-    """Records of the other positions of the aircraft in which the pump sat last, over the same time."""
-    if not newest or not seen:
+def _sibling(session: Session, row: Pump, whole: PumpHistory, seen: PumpHistory) -> list[PumpHistory]:
+    """Records of the other positions of the aircraft in which the pump sat last, over the same time, pump by pump."""
+    if not len(seen):
         return []
-    kept, last = StoredAssessment, newest[-1]
-    others = select(Pump.id).where(Pump.operator == row.operator, Pump.pump_type == row.pump_type, Pump.id != row.id)
-    there = (kept.aircraft == last.aircraft) & (kept.position != last.position) & kept.pump_id.in_(others)
-    return records_seen(session, there, seen[0].at, seen[-1].at + timedelta(seconds=1))
+    kept, aircraft, position = StoredAssessment, whole.aircraft[-1], whole.position[-1]
+    since, until = seen.instant(0), seen.instant(-1) + timedelta(seconds=1)
+    # pump by pump, the first that is found: an aircraft's records grow with its life
+    there = select(kept.pump_id).where(kept.aircraft == aircraft, kept.pump_id == Pump.id, kept.position != position)
+    there = there.where(kept.at >= since, kept.at < until).limit(1).correlate(Pump)
+    others = queries.listed(session, EVERYBODY, there.scalar_subquery().is_not(None), Pump.id != row.id, *_alike(row))
+    found = []
+    for other in others:
+        part = history_of(session, other).between(since, until)
+        pairs = enumerate(zip(part.aircraft, part.position, strict=True))
+        found.append(part.taken([i for i, (a, p) in pairs if a == aircraft and p != position]))
+    return found
+
+
+def _alike(row: Pump) -> tuple[ColumnElement[bool], ...]:
+    return Pump.operator == row.operator, Pump.pump_type == row.pump_type
 
 
 def _bands(session: Session, asker: Principal, row: Pump) -> dict[str, tuple[float, float]]:
     """Middle of the newest values of the other pumps of the type, by metric; none of fewer than five pumps."""
-    wanted = queries.WantedPumps(pump_type=row.pump_type)
-    ids = [p.id for p in session.scalars(queries.pumps(asker, None, wanted)) if p.id != row.id]
-    newest = records_seen(session, StoredAssessment.record_id.in_(queries.newest_records(ids)))
+    others = queries.listed(session, asker, Pump.pump_type == row.pump_type, Pump.id != row.id)
+    newest = list(_kept_newest.of(session, others, lambda ids: newest_values(session, ids, SHOWN)).values())
     found = {}
     for metric in SHOWN:
-        values = [p["value"] for r in newest if (p := r.point(metric)) is not None]
+        values = [values[metric] for values in newest if metric in values]
         if len(values) >= 5:
             low, high = np.quantile(values, _MIDDLE)
             found[metric] = (float(low), float(high))
     return found
 
 
-def _shown(row: Pump, metric: str, chart: TrendChart, items: Sequence[TrendPoint]) -> dict[str, Any]:
+def _shown(row: Pump, metric: str, chart: TrendChart, seen: PumpHistory, places: NDArray[np.intp]) -> dict[str, Any]:
     data = api_address(
         "pumps", row.serial, "trend", query={"metric": metric, "operator": row.operator, "points": 10_000}
     )
@@ -260,8 +278,8 @@ def _shown(row: Pump, metric: str, chart: TrendChart, items: Sequence[TrendPoint
         "title": chart.title,
         "unit": METRICS[metric],
         "svg": Markup(chart_svg(chart)),  # noqa: S704 - made by us
-        "items": items[::-1][:_ROWS],
-        "more": max(len(items) - _ROWS, 0),
+        "items": [seen.point(metric, i) for i in places[::-1][:_ROWS].tolist()],
+        "more": max(len(places) - _ROWS, 0),
         "data": data,
     }
 

@@ -13,7 +13,7 @@ from service.reading import queries
 from service.reading.agreement import judged_findings, rates
 from service.reading.fleet import fleet, pumps_standing
 from service.reading.fleet_trend import GroupBy, fleet_trend
-from service.reading.ranking import ranked
+from service.reading.ranking import in_order
 from service.reading.trend import METRICS, check_metric
 from service.registry.fields import Instant
 from service.web.answer_route import AnswerRoute
@@ -63,10 +63,11 @@ def ranking(
     place = place_of(query, cursor)
     start = place[0] if place is not None else 0
     with context.database.reading() as session:
-        rows = list(session.scalars(queries.pumps(asker)))
-        items = ranked(session, rows, *pumps_standing(session, rows))
+        rows = queries.listed(session, asker)
+        places = in_order(session, rows, *pumps_standing(session, rows))
     end = start + limit
-    return {"items": items[start:end], "next": cursor_after(query, [end]) if end < len(items) else None}
+    items = [place.document() for place in places[start:end]]
+    return {"items": items, "next": cursor_after(query, [end]) if end < len(places) else None}
 
 
 @router.get("/trend", summary="Trend of one metric over the fleet, by group")

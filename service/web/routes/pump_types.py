@@ -25,6 +25,7 @@ from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
 from twin.parameters import PumpType
+from twin.pumps.fluids import FLUIDS
 from twin.pumps.written import document_of
 from twin.recording import MAY_LACK
 
@@ -57,6 +58,7 @@ _SCHEMA = {
         "id": {"type": "string"},
         "base": {"type": "string", "description": "pump type that the changes start from"},
         "title": {"type": "string"},
+        "fluid": {"enum": sorted(FLUIDS), "description": "product that fills the base, before the changes"},
         "changes": {"type": "object", "additionalProperties": _QUANTITY},
         "nominal_speed_rpm": {"type": "number"},
         "nominal_reservoir_pressure_bar": {"type": "number"},

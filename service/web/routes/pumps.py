@@ -18,22 +18,22 @@ from service.answers.verdicts import Verdict, VerdictChange
 from service.answers.words import Page, instant
 from service.errors import Conflict
 from service.history.neighbours import look_alikes
-from service.monitoring.refold import Cause, refold_others, verdict_known_at
+from service.monitoring.behind import fold_behind
+from service.monitoring.refold import Cause, verdict_known_at
 from service.monitoring.succession import taken_over
 from service.reading import queries
 from service.reading.curve import curve_of
-from service.reading.fleet import pump_documents, pumps_standing
+from service.reading.fleet import pump_documents, pumps_standing, silent_pumps
 from service.reading.forecast import forecast_of, with_crossing
 from service.reading.ranking import ranked
 from service.reading.raster import png_of
-from service.reading.silence import silent_pumps
 from service.reading.trend import METRICS, check_metric, trend_of
 from service.registry import pumps as registry
 from service.registry.fields import Instant
 from service.registry.installations import current_installation
-from service.registry.locks import locked_pump
+from service.registry.locks import locked_pump, locked_pumps
 from service.reports.state_picture import state_svg
-from service.storage.tables import VerdictRevision
+from service.storage.tables import Pump, VerdictRevision
 from service.web.addresses import location
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
@@ -70,8 +70,7 @@ class Filters:
         """The same as the reading takes it; who is silent is looked up only where it is asked for."""
         silent: frozenset[int] = frozenset()
         if self.silent is not None:
-            ids = [pump.id for pump in session.scalars(queries.pumps(asker))]
-            silent = frozenset(silent_pumps(session, ids, datetime.now(UTC)))
+            silent = silent_pumps(session, queries.listed(session, asker))
         return queries.WantedPumps(self.state, self.side, self.aircraft, self.type, self.priority, self.silent, silent)
 
 
@@ -113,10 +112,10 @@ def create(body: registry.NewPump, response: Response, context: ContextOf, asker
             made = cast("answers.PumpMade", pump_documents(session, [row])[0])
             if named:
                 made["looks_like"] = named
-            others = {p.id for p in alike}
+            cause = Cause("pump_registered", body.serial)
+            fold_behind(session, locked_pumps(session, [p.id for p in alike]), context.archive, cause)
     except IntegrityError:
         raise Conflict(f"pump {body.serial} was registered at the same moment") from None
-    refold_others(context.database, context.archive, others, Cause("pump_registered", body.serial))
     return made
 
 
@@ -142,7 +141,8 @@ def change(
         registry.change(session, row, body, asker.owner, context.archive)
         details = body.model_dump(mode="json", exclude_unset=True)
         audit.note(session, asker, "pump.change", f"pump/{row.serial}", row.operator, details)
-        return pump_documents(session, [row])[0]
+    with context.database.reading() as session:
+        return pump_documents(session, [session.get_one(Pump, row.id)])[0]
 
 
 @router.get("/{serial}/verdict", summary="Verdict of one pump")
