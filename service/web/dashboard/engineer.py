@@ -141,8 +141,9 @@ def _in_ours(asked: _Asked, request: Request, system: UnitSystem) -> _Asked:
     """What was asked for with every number that the address gives in our unit; what it leaves out is in ours already."""
     held = {f.name for f in fields(asked)}
     given = {name: text for name, text in request.query_params.items() if name in held and text}
-    found: dict[str, Any] = {name: in_ours(text, name, system) for name, text in given.items()}
-    return replace(asked, **{name: value for name, value in found.items() if isinstance(value, float)})
+    found = {name: in_ours(text, name, system) for name, text in given.items()}
+    changed: dict[str, Any] = {name: value for name, value in found.items() if isinstance(value, float)}
+    return replace(asked, **changed)
 
 
 def _point(context: Context, asker: Principal, point: Point, system: UnitSystem) -> dict[str, Any]:
