@@ -33,7 +33,7 @@ from twin.compiled import compiled
 _LEAST_SHOWN, _NOT_YET = 3, 1.0e3
 """Flights on which a fault must have shown before it counts as one that comes and goes (our choice), and what stands against
 it until then [nat]."""
-TEMPER = 0.6
+TEMPER = 0.7
 """Exponent of the likelihood where causes compete: their laws are not the world's."""
 _REFERENCE = 5
 """Records that a pump's own reference needs (as many as let a record surprise, ``Bank.learn``): behind fewer the likelihood
