@@ -1,5 +1,6 @@
 """Jobs: what was asked for, how far it is, what became of each item."""
 
+from collections.abc import Mapping
 from typing import Any, NotRequired
 
 from typing_extensions import TypedDict
@@ -18,6 +19,14 @@ class Progress(TypedDict):
     """Number of items that are done (a count)."""
     total: int | None
     """Number of all items (a count); null until it is known."""
+
+
+DOCUMENT_TYPES: Mapping[str, str] = {
+    "html": "text/html; charset=utf-8",
+    "json": "application/json",
+    "pdf": "application/pdf",
+}
+"""Formats that documents of jobs come in, with their media types."""
 
 
 @shape

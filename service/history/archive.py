@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from service.errors import Unavailable
 from service.ingest.decode import DecodedRecord, FullScales, checked, no_sensors
 from service.ingest.mapping_version import MappingVersion
 from service.ingest.metadata import TypeLookup, built_in
@@ -46,6 +47,17 @@ class Archive:
         return self.decoded_again(
             row, lambda _operator, _serial: kind.name, lambda operator, name: built_in(operator, name) or kind, None
         ).recording
+
+    def must_have(self, digest: str) -> None:
+        """See that raw bytes are there, unread.
+
+        Raises
+        ------
+        Unavailable
+            when they are gone.
+        """
+        if not self.raw_store.has(digest):
+            raise Unavailable(f"raw bytes {digest[:12]} are gone from the raw store: nothing was changed")
 
     def decoded_again(
         self,

@@ -124,7 +124,8 @@ def knowledge(
     pump_type_name
         Parameter set of the twin that stands in for the pump's own; None for its own.
     most_anew
-        Stop behind so many new analyses: they are all that is of use then. None for no bound.
+        Stop behind so many new analyses: they are all that is of use then. None for no bound; 0 reads nothing anew and sees
+        only that the bytes are there of every record that would have to be.
     dossier
         What was read of the pump already, for knowledge of now: what it has not is not asked for.
     incoming
@@ -159,7 +160,7 @@ def knowledge(
     own = [said_by(pump.serial, row) for row in rows]
     remarks, again = remarks_on(own, _elsewhere(rows), maintenance), copies(own) | misdated(own, maintenance)
     for row in rows:
-        if len(anew) == most_anew:
+        if most_anew and len(anew) == most_anew:
             break
         place = place_at(intervals, row.aircraft or "", row.position or "", row.started_at)
         if place.aircraft not in aircraft:
@@ -176,6 +177,9 @@ def knowledge(
         if reduce_anew or outline is None or row.reduced_with != marked_key(keys[setting], marked):
             if outline is not None and row.raw_removed_at is not None:
                 flags += ("raw bytes are no longer kept: analysed as they were before",)
+            elif most_anew == 0:
+                archive.must_have(row.content_hash)
+                continue
             else:
                 recording = archive.recording(session.get_one(Record, row.id), kind)
                 analysis = analysed(recording, kind, setting, thresholds, marked)
@@ -207,6 +211,7 @@ _LIGHT = (
     Record.started_at,
     Record.finished_at,
     Record.samples_hash,
+    Record.content_hash,
     Record.remarks,
     Record.aircraft,
     Record.position,

@@ -10,13 +10,6 @@ from service.errors import Conflict, NotFound
 from service.jobs.kinds import Work
 from service.storage.tables import SUCCEEDED, Job
 
-CONTENT_TYPES: Mapping[str, str] = {
-    "html": "text/html; charset=utf-8",
-    "json": "application/json",
-    "pdf": "application/pdf",
-}
-"""Formats that documents come in."""
-
 
 def folder_of(work: Work[Any]) -> Path:
     """Folder of a job on this machine, for what its items prepare.

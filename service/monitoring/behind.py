@@ -12,6 +12,7 @@ from sqlalchemy.orm import Session
 
 from service.errors import Problem
 from service.history.archive import Archive
+from service.history.knowledge import knowledge
 from service.ingest.names import look_of
 from service.monitoring.precedence import left_to_newer, take_over
 from service.monitoring.refold import Cause, apart
@@ -27,6 +28,11 @@ def fold_behind(session: Session, pumps: Collection[Pump], archive: Archive, cau
 
     The caller holds the pumps' row locks (Postgres) or the write transaction (SQLite). A fold that fails then is made by
     the sweep; the entry stays. A pump that a newer release has judged is left to a process of that release.
+
+    Raises
+    ------
+    Unavailable
+        when the change asks for a record to be read again whose raw bytes are gone: nothing may be stored then.
     """
     session.flush()
     ours = []
@@ -34,6 +40,7 @@ def fold_behind(session: Session, pumps: Collection[Pump], archive: Archive, cau
         if left_to_newer(session, pump):
             continue
         pump.look = pump.look or look_of(pump.serial)
+        knowledge(session, pump, archive, most_anew=0)
         take_over(pump, whole=False)
         ours.append(pump.id)
     session.flush()

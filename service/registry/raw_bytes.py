@@ -2,11 +2,12 @@
 
 from sqlalchemy import Select, select
 
+from service.answers.jobs import DOCUMENT_TYPES
 from service.storage.tables import Job, Record
 
 _BULK_IMPORT = "bulk-import"
 _ARCHIVE = Job.parameters["content_hash"].as_string()
-_DOCUMENTS = tuple(Job.result[("files", form, "content_hash")].as_string() for form in ("html", "json"))
+_DOCUMENTS = tuple(Job.result[("files", form, "content_hash")].as_string() for form in DOCUMENT_TYPES)
 
 
 def archive_digests() -> Select[str]:

@@ -83,8 +83,10 @@ class TestRoles:
                 statuses = {route: answer.status_code for route, answer in seen.items()}
                 may = {route: ROLES.index(role) >= ROLES.index(MATRIX[route].page_role) for route in pages}
                 assert statuses == {route: 200 if may[route] else 403 for route in pages}
-                pictures = [route for route in pages if route[1].endswith(".svg") and may[route]]
-                assert {seen[route].headers["content-type"] for route in pictures} == {"image/svg+xml"}
+                made = {".svg": "image/svg+xml", ".pdf": "application/pdf"}
+                pictures = [route for route in pages if route[1][-4:] in made and may[route]]
+                found = {(route[1][-4:], seen[route].headers["content-type"]) for route in pictures}
+                assert found == set(made.items())
                 for route, answer in seen.items():
                     if route in pictures:
                         continue

@@ -9,12 +9,13 @@ from sqlalchemy.orm import Session
 from service.access import audit
 from service.answers import jobs as answers
 from service.answers.job_documents import JOB_DOCUMENTS
+from service.answers.jobs import DOCUMENT_TYPES
 from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Fault, Invalid
 from service.jobs import engine, store
 from service.jobs.kinds import kind_named
-from service.jobs.products import CONTENT_TYPES, digest_of
+from service.jobs.products import digest_of
 from service.jobs.requests import ask_for
 from service.storage.tables import Job, JobItem
 from service.web.addresses import location
@@ -112,7 +113,7 @@ def items(
     summary="Document that a job has left",
     response_class=Response,
     responses={
-        200: {"content": {name.partition(";")[0]: _DOCUMENTS.get(form, {}) for form, name in CONTENT_TYPES.items()}}
+        200: {"content": {name.partition(";")[0]: _DOCUMENTS.get(form, {}) for form, name in DOCUMENT_TYPES.items()}}
     },
 )
 def result(
@@ -128,7 +129,7 @@ def result(
     with context.database.reading() as session:
         digest = digest_of(store.job_of(session, asker, job_id), form)
     headers = {"Content-Security-Policy": _PAGE_POLICY, "X-Content-Type-Options": "nosniff", "ETag": f'"{digest}"'}
-    return Response(context.raw_store.get(digest), media_type=CONTENT_TYPES[form], headers=headers)
+    return Response(context.raw_store.get(digest), media_type=DOCUMENT_TYPES[form], headers=headers)
 
 
 @router.post("/{job_id}/cancel", summary="Cancel a job")
