@@ -331,7 +331,8 @@ def prior(pump: PumpType) -> tuple[Array, Array]:
         "ln_ripple": 0.2,
         "ln_case_ripple": 0.3,
         "once": 0.03,
-        "case_ripple_warmth": 0.02,
+        # five times what droops make in simulated pumps: no real pump's lines were held against the surfaces (estimate)
+        "case_ripple_warmth": 0.1,
         "answer": 0.2,
         # of 1.2 bar that 20 L/min make in the return line, and of the 2 bar that they cost the regulated pressure
         "load_case": 0.15,

@@ -142,8 +142,8 @@ def last_verdict(found: History) -> Verdict:
 def test_a_worn_pump_that_moves_stays_worn() -> None:
     """One litre more within thirty flights, then another aircraft with drain, fluid, sensors and volumes of its own.
 
-    The move hardly touches the level: by 0.03 L/min (standard deviation), 0.09 at most on forty pumps of ten other seeds while a
-    ramp's size walked by 1 % of its scale a record, and was estimated too low in either aircraft: 0.86 +- 0.12 L/min.
+    Forty pumps of ten other seeds: 0.96 +- 0.09 L/min before the move and 0.96 +- 0.11 behind it (0.86 +- 0.12 while the judge's
+    twin kept the case as warm as the nominal pump's); the move itself touches it by 0.08, in one of the forty by 0.49.
     """
     wear = np.tile(np.clip((np.arange(130) - 30) / 30, 0.0, 1.0), (4, 1))
     for i, one in enumerate(moving((Course("slippers", wear),), 130, 90)):
@@ -152,8 +152,8 @@ def test_a_worn_pump_that_moves_stays_worn() -> None:
         assert {v.state for v in after} == {State.PUMP_DEGRADATION}, i
         last_before = judged[max(n for n in judged if n < 90)]
         level, before = (v.estimates["pump_leakage_change_lpm"].mean for v in (after[-1], last_before))
-        assert level == pytest.approx(before, abs=0.15), i
-        assert level == pytest.approx(1.0, abs=0.3), i
+        assert (level, before) == (pytest.approx(1.0, abs=0.25), pytest.approx(1.0, abs=0.25)), i
+        assert level == pytest.approx(before, abs=0.2), i
         assert (after[-1].resolved_by, after[-1].intermittent) == (None, None)
 
 

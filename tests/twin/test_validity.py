@@ -107,9 +107,10 @@ def test_no_absolute_pressure_below_zero_is_ever_solved() -> None:
     pressures = [i for i, name in enumerate(OUTPUTS) if name.endswith("_pressure_bar")]
     assert len(pressures) == 4
     assert (points.values[solved][:, pressures] + ambient[solved, None] >= 0.0).all()
-    words = [problem(points, i) or "" for i in range(n)]
-    refused = [i for i in range(n) if "below zero" in words[i]]
-    assert refused
+    # what is no steady state has no numbers, and a sentence that says why
+    refused = np.flatnonzero(~solved)
+    assert refused.size > n // 10
+    assert all(problem(points, int(i)) for i in refused)
     assert points.derivatives is not None
     assert np.isnan(points.values[refused]).all()
     assert np.isnan(points.derivatives[refused]).all()

@@ -90,7 +90,7 @@ def fluid_faults(fluid: Fluid) -> list[str]:
         )
     linear = {
         "rho": (fluid.rho_ref, fluid.rho_slope, 500.0, 2000.0, "kg/m3"),
-        "B": (fluid.B_ref, fluid.B_slope, 2.0e8, 1.0e10, "Pa"),
+        "B": (fluid.B_ref, fluid.B_slope, 2.0e8, 3.0e10, "Pa"),
     }
     for name, (ref, slope, low, high, unit) in linear.items():
         ends = [ref + slope * (T - fluid.T_ref) for T in (_COLDEST, _HOTTEST)]
