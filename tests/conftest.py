@@ -14,6 +14,7 @@ import structlog
 from service.storage.database import upgrade
 from tests.fast_selection import mark_fast
 from tests.postgres import Emptied, binary, cluster, create_database
+from tests.study_selection import mark_studies
 
 KINDS = ["sqlite", "postgres"]
 _numbers = itertools.count(1)
@@ -21,10 +22,8 @@ _numbers = itertools.count(1)
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    mark_studies(items)
     mark_fast(items)
-    for item in items:
-        if item.get_closest_marker("postgres_in_study") and "postgres" in item.nodeid.partition("[")[2]:
-            item.add_marker(pytest.mark.study)
 
 
 @pytest.fixture(scope="session")

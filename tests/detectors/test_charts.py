@@ -30,6 +30,9 @@ from benchmarks.charts import (
 )
 from detectors.evaluation.delays import evidence_threshold
 
+# only benchmarks use these charts
+pytestmark = pytest.mark.study
+
 ARL = 500.0
 SHIFT = 1.0
 STEP_AND_RAMP = (Shape.STEP, Shape.RAMP)
@@ -77,7 +80,6 @@ def run_lengths(chart: Chart[Any], values: Iterator[np.ndarray], n_paths: int, n
     return found
 
 
-@pytest.mark.study
 def test_false_alarms_come_as_rarely_as_wanted(chart: Chart[Any]) -> None:
     rng = np.random.default_rng(11)
     lengths = run_lengths(chart, independent_normal(rng, 1500), 1500, 4000)
@@ -86,7 +88,6 @@ def test_false_alarms_come_as_rarely_as_wanted(chart: Chart[Any]) -> None:
     assert arl == pytest.approx(ARL, rel=0.12)
 
 
-@pytest.mark.study
 def test_delay_is_near_the_bound(chart: Chart[Any]) -> None:
     rng = np.random.default_rng(12)
     lengths = run_lengths(chart, (x + SHIFT for x in independent_normal(rng, 1000)), 1000, 400)

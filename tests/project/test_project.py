@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.fast_selection import FAST
+from tests.study_selection import ON_POSTGRES_WITH_THE_STUDIES
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 COMPILE_CACHE = {k: v for k, v in os.environ.items() if k == "CASEDRAIN_COMPILE_CACHE"}
@@ -49,6 +50,10 @@ def test_the_fast_selection_names_what_there_is(entry: str) -> None:
     text = (ROOT / file).read_text()
     for name in names:
         assert re.search(rf"^ *(class|def) {name}\b", text, re.M), name
+
+
+def test_the_study_selection_names_what_there_is() -> None:
+    assert [file for file in ON_POSTGRES_WITH_THE_STUDIES if not (ROOT / file).is_file()] == []
 
 
 @pytest.fixture(scope="module")

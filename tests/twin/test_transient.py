@@ -36,7 +36,7 @@ MEANS = ("discharge_pressure_bar", "case_pressure_bar", "case_flow_lpm", "discha
 
 @pytest.mark.parametrize(
     ("pump", "condition"),
-    [(PUMP, Condition(4600, 50)), (LIFTED, Condition(2300, 30, 0.0, 2.0))],
+    [(PUMP, Condition(4600, 50)), pytest.param(LIFTED, Condition(2300, 30, 0.0, 2.0), marks=pytest.mark.study)],
     ids=["zero flow", "lifted, half speed"],
 )
 def test_one_revolution_meets_cvode(pump: Pump, condition: Condition) -> None:
