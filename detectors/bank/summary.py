@@ -33,6 +33,9 @@ from twin.compiled import compiled
 _LEAST_SHOWN, _NOT_YET = 3, 1.0e3
 """Flights on which a fault must have shown before it counts as one that comes and goes (our choice), and what stands against
 it until then [nat]."""
+_IMPOSSIBLE = 1.5
+"""Times its largest size from which a fault is no explanation (our choice): a filter that needs a bleed of twice what the control
+valve lets through has bent its nuisances to follow a drain, and its own spread says nothing of that."""
 TEMPER = 0.7
 """Exponent of the likelihood where causes compete: their laws are not the world's."""
 _REFERENCE = 5
@@ -146,7 +149,8 @@ def _habit(filters: Filters, f: int) -> float:
 def _size_evidence(filters: Filters, f: int, signs: Integers, most: Array) -> float:
     """How likely the size is one that the fault can have [nat].
 
-    Twice the probability that a one-sided fault has its sign; the probability that one with a largest size stays below it.
+    Twice the probability that a one-sided fault has its sign; the probability that one with a largest size stays below it, and
+    nothing where it is half as large again.
     """
     k, found = filters.kind[f], 0.0
     if k < 0:
@@ -157,6 +161,8 @@ def _size_evidence(filters: Filters, f: int, signs: Integers, most: Array) -> fl
         found += log_normal_above(amplitude / spread) + math.log(2.0)
     if most[k] < np.inf:
         found += log_normal_above((most[k] - amplitude) / spread)
+        if amplitude > _IMPOSSIBLE * most[k]:
+            found -= _NOT_YET
     return found
 
 
