@@ -81,8 +81,13 @@ def write_fleet(folder: Path, n_flights: int, seed: int) -> int:
 
 
 def operator_of(n_flights: int, seed: int) -> str:
-    """Operator whose name tells one simulated fleet from another: both may be tried on one database."""
-    return f"demo-{seed}-{n_flights}"
+    """Operator whose name tells one simulated fleet from another: both may be tried on one database.
+
+    The pump's code belongs to it: another release simulates the same flights with other samples, which the service would refuse.
+    """
+    from twin.sources import package_hash  # noqa: PLC0415 - only the demo asks for it
+
+    return f"demo-{seed}-{n_flights}-{package_hash('twin')[:6]}"
 
 
 def compared(client: Client, operator: str) -> list[dict[str, Any]]:
