@@ -65,8 +65,13 @@ def report_html(
         made=datetime.now(UTC),
         software=sentence(),
         twins=sorted({c["verdict"]["twin_version"] for c in chapters}),
-        counts=[(state, whole["by_state"][state]) for state in WORDS if state in whole["by_state"]],
+        counts=counts_by_state(whole),
     )
+
+
+def counts_by_state(whole: Mapping[str, Any]) -> list[tuple[str, int]]:
+    """States that pumps of the report are in, in the order in which they are told, with how many are."""
+    return [(state, whole["by_state"][state]) for state in WORDS if state in whole["by_state"]]
 
 
 def in_order(whole: Mapping[str, Any], chapters: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:

@@ -7,7 +7,7 @@ from typing import Any
 from detectors.words.verdict import CAUSES, TREND_METRICS
 from service.identity import sentence
 from service.reports.content import Period
-from service.reports.page import in_order, trend_figures
+from service.reports.page import counts_by_state, in_order, trend_figures
 from service.reports.paper import Paper
 from service.reports.remarks import remarks, steps
 from service.reports.state_picture import COLOURS
@@ -60,7 +60,7 @@ def _units(system: UnitSystem) -> str:
 
 def _summary(paper: Paper, whole: Mapping[str, Any], chapters: Sequence[Mapping[str, Any]]) -> None:
     paper.heading("Summary")
-    counts = [(state, whole["by_state"][state]) for state in WORDS if state in whole["by_state"]]
+    counts = counts_by_state(whole)
     n, n_alarms = len(chapters), len(whole["alarms"])
     words = f"{n} pump{'' if n == 1 else 's'}: {', '.join(f'{k} {WORDS[state].lower()}' for state, k in counts)}. "
     words += f"{n_alarms} alarm{'' if n_alarms == 1 else 's'} in the period."
