@@ -3,26 +3,26 @@
 import json
 import os
 import queue
+import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import structlog
 from opentelemetry import trace
 from prometheus_client import Histogram
 
 from service import errors
 from service.access.account import current_account
 from service.access.turns import Gate
-from service.errors import Fault, Problem, TooLarge, Undecodable
+from service.errors import Fault, Problem, TooLarge, Unavailable, Undecodable
 from service.ingest.archive import INDEX, Archive, indexed_archive
 from service.ingest.raw import Limits, RawFile, Samples, Table, TextDialect
 
@@ -31,8 +31,11 @@ _QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX
 _ARROW = {"ARROW_DEFAULT_MEMORY_POOL": "system", "ARROW_NUM_THREADS": "1"}
 """Threads and arenas reserve address space that they never use, which the memory limit would count."""
 _START_TIMEOUT_S = 60.0
+_KILLS = 2
+"""So often a file may see its process killed: once by whoever, as where memory is short; twice, then it takes too much itself."""
 _FILE = ("decoding the file", "split the record into segments")
 _ARCHIVE = ("looking through the upload", "split it into several")
+log = structlog.get_logger("casedrain")
 _tracer = trace.get_tracer("casedrain")
 _SECONDS = Histogram("casedrain_parse_seconds", "Time that the parser took for a file")
 
@@ -93,7 +96,7 @@ class ParserPool:
         Undecodable, UnknownType, TooLarge
             the last also when time or memory run out, naming the limit.
         TooMany, Unavailable
-            when too many wait, or for too long.
+            when too many wait, or for too long; the latter also when no process can be started.
         """
         request = {
             "path": str(path),
@@ -123,11 +126,11 @@ class ParserPool:
 
     def _answer(self, request: dict[str, Any], output: Path, words: tuple[str, str]) -> dict[str, Any]:
         account = current_account()
-        with _tracer.start_as_current_span("parse"), self._gate.entered(account), self._worker(words) as worker:
+        limits = {"output": str(output), "memory_bytes": self._limits.memory_bytes}
+        with _tracer.start_as_current_span("parse"), self._gate.entered(account):
             began = time.monotonic()
             try:
-                limits = {"output": str(output), "memory_bytes": self._limits.memory_bytes}
-                answer = worker.ask({**request, **limits}, self._limits.seconds)
+                answer = self._asked({**request, **limits}, words)
             finally:
                 seconds = time.monotonic() - began
                 account.parser_seconds += seconds
@@ -155,25 +158,27 @@ class ParserPool:
             if worker is not None:
                 worker.kill()
 
-    @contextmanager
-    def _worker(self, words: tuple[str, str]) -> Iterator["_Worker"]:
+    def _asked(self, request: dict[str, Any], words: tuple[str, str]) -> dict[str, Any]:
         worker = self._places.get()
         try:
-            if worker is not None and not worker.is_alive:
-                worker.kill()  # closes what it left open
-                worker = None
-            worker = worker or _Worker()
-            try:
-                yield worker
-            except _TookTooLongError:
-                seconds = self._limits.seconds
-                fault = Fault("body", f"took longer than {seconds:g} s")
-                raise TooLarge(f"{words[0]} takes longer than {seconds:g} s: {words[1]}", [fault]) from None
-            except _DiedError as error:
-                if error.by_memory:
-                    raise self._too_much_memory(words) from None
-                fault = Fault("body", f"ended the process that read it ({error})")
-                raise Undecodable("the file cannot be read: its reader crashed on it", [fault]) from None
+            for _ in range(_KILLS):
+                if worker is None or not worker.is_alive:
+                    worker = _in_place_of(worker)
+                try:
+                    return worker.ask(request, self._limits.seconds)
+                except _TookTooLongError:
+                    seconds = self._limits.seconds
+                    fault = Fault("body", f"took longer than {seconds:g} s")
+                    raise TooLarge(f"{words[0]} takes longer than {seconds:g} s: {words[1]}", [fault]) from None
+                except _DiedError as error:
+                    if error.code == -signal.SIGKILL:
+                        log.warning("a process that read a file was killed", file=request["path"])
+                        continue
+                    if error.code == -signal.SIGABRT:  # a reader in C that finds no memory
+                        break
+                    fault = Fault("body", f"ended the process that read it ({error})")
+                    raise Undecodable("the file cannot be read: its reader crashed on it", [fault]) from None
+            raise self._too_much_memory(words)
         finally:
             self._places.put(worker)
 
@@ -194,8 +199,7 @@ class _DiedError(Exception):
 
     def __init__(self, code: int | None) -> None:
         super().__init__(f"exit code {code}")
-        # a reader in C that finds no memory aborts, and the kernel kills who takes it all
-        self.by_memory = code in (-6, -9)
+        self.code = code
 
 
 class _Worker:
@@ -211,6 +215,7 @@ class _Worker:
             env={**os.environ, **_QUIET, **_ARROW, "PYTHONPATH": path},
             text=True,
             encoding="utf-8",
+            start_new_session=True,  # what is typed at a terminal is meant for the server
         )
         self._line(_START_TIMEOUT_S)
 
@@ -259,6 +264,16 @@ class _Worker:
         code = self._process.wait()
         self.kill()
         raise _TookTooLongError if late.is_set() else _DiedError(code)
+
+
+def _in_place_of(dead: _Worker | None) -> _Worker:
+    if dead is not None:
+        dead.kill()  # closes what it left open
+    try:
+        return _Worker()
+    except (_DiedError, _TookTooLongError, OSError) as error:
+        log.error("no process to read files", error=f"{type(error).__name__}: {error}")
+        raise Unavailable("no process to read files can be started: nothing was changed, send it again") from None
 
 
 def _taken_over(answer: dict[str, Any], output: Path) -> RawFile:

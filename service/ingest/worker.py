@@ -7,6 +7,7 @@ hands the channels over as a file of float64, so that neither side copies them t
 import json
 import os
 import resource
+import signal
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,7 +25,9 @@ _SCALARS = (str, int, float, bool, type(None))
 
 
 def main() -> None:
-    """Serve requests until standard input ends."""
+    """Serve requests until standard input ends, as it does with the server; a stop that reaches all processes ends nothing here."""
+    for stop in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(stop, signal.SIG_IGN)
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints must not look like an answer
     print(json.dumps({"ready": True}), file=answers, flush=True)

@@ -4,6 +4,7 @@ import asyncio
 import json
 import os
 import signal
+import threading
 import tracemalloc
 from collections.abc import AsyncIterator, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.errors import TooLarge, Undecodable
+from service.errors import TooLarge, Unavailable, Undecodable
+from service.ingest import parser_pool
 from service.ingest.parser_pool import ParserLimits, ParserPool
 from service.ingest.raw import Limits, RawFile
 from service.storage.spool import Spool
@@ -80,13 +82,65 @@ def test_a_crash_on_a_file_is_its_fault_alone(pool: ParserPool, record: Path) ->
     worker = pool._places.queue[0]
     assert worker is not None
     os.kill(worker._process.pid, signal.SIGSTOP)
-    import threading
-
     timer = threading.Timer(0.3, lambda: os.kill(worker._process.pid, signal.SIGSEGV))
     timer.start()
     threading.Timer(0.4, lambda: os.kill(worker._process.pid, signal.SIGCONT)).start()
     with pytest.raises(Undecodable, match="crashed"):
         pool.parsed(record, "application/json", "", LIMITS)
+    assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
+
+
+def _while_it_reads(pool: ParserPool, *signals: int) -> None:
+    """Send signals to the process of the next file while it has the file in hand."""
+    worker = pool._places.queue[0]
+    assert worker is not None
+    pid = worker._process.pid
+    os.kill(pid, signal.SIGSTOP)  # so that it has not answered before
+
+    def sent() -> None:
+        for number in (*signals, signal.SIGCONT):
+            os.kill(pid, number)
+
+    threading.Timer(0.2, sent).start()
+
+
+def test_a_process_that_somebody_kills_costs_no_file(pool: ParserPool, record: Path) -> None:
+    pool.parsed(record, "application/json", "", LIMITS)
+    _while_it_reads(pool, signal.SIGKILL)
+    raw = pool.parsed(record, "application/json", "", LIMITS)
+    assert np.array_equal(raw.tables[0].channels["time_s"], document()["channels"]["time_s"])
+
+
+def test_a_stop_of_all_processes_lets_a_file_be_read_to_its_end(pool: ParserPool, record: Path) -> None:
+    """systemd sends SIGTERM to a whole group, a terminal SIGINT; the file in hand is the server's to finish."""
+    pool.parsed(record, "application/json", "", LIMITS)
+    before = pool._places.queue[0]
+    _while_it_reads(pool, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+    assert pool.parsed(record, "application/json", "", LIMITS).metadata["pump_serial"] == "P-1"
+    assert pool._places.queue[0] is before
+    assert before is not None
+    assert os.getsid(before._process.pid) != os.getsid(0)
+
+
+def test_a_file_on_which_two_processes_are_killed_takes_too_much_memory(
+    pool: ParserPool, record: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(_worker: parser_pool._Worker, _request: object, _seconds: float) -> None:
+        raise parser_pool._DiedError(-signal.SIGKILL)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(parser_pool._Worker, "ask", killed)
+        with pytest.raises(TooLarge, match="memory"):
+            pool.parsed(record, "application/json", "", LIMITS)
+    assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
+
+
+def test_no_process_is_no_fault_of_the_file(pool: ParserPool, record: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for program in ("/bin/false", "/nowhere/python"):
+        with monkeypatch.context() as patch:
+            patch.setattr(parser_pool.sys, "executable", program)
+            with pytest.raises(Unavailable, match="send it again"):
+                pool.parsed(record, "application/json", "", LIMITS)
     assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
 
 
