@@ -29,6 +29,7 @@ from typing import Any
 import httpx2
 import numpy as np
 
+from benchmarks.mould import Copy, Mould
 from service.storage.database import upgrade
 from tests.postgres import binary
 from tests.service.records import document
@@ -98,8 +99,10 @@ class StoppablePostgres:
 class Server:
     """``casedrain serve`` in a process of its own, on a database and a raw store that others may share."""
 
-    def __init__(self, folder: Path, database_url: str, name: str = "server", **settings: str) -> None:
-        self.folder = folder
+    def __init__(
+        self, folder: Path, database_url: str, name: str = "server", mould: Mould | None = None, **settings: str
+    ) -> None:
+        self.folder, self._mould = folder, mould
         with socket.socket() as found:
             found.bind(("127.0.0.1", 0))
             self.port = found.getsockname()[1]
@@ -115,10 +118,13 @@ class Server:
             **{f"CASEDRAIN_{key.upper()}": value for key, value in settings.items()},
         }
         self.log = folder / f"{name}.log"
-        self.process: subprocess.Popen[bytes] | None = None
+        self.process: subprocess.Popen[bytes] | Copy | None = None
 
     def start(self) -> None:
         """Start without waiting."""
+        if self._mould is not None:
+            self.process = self._mould.copy(["serve", "--port", str(self.port)], self._environment, self.log)
+            return
         command = [sys.executable, "-c", "from service.command_line.main import app; app()", "serve"]
         with self.log.open("ab") as log:
             self.process = subprocess.Popen(  # noqa: S603 - our own
@@ -143,6 +149,18 @@ class Server:
             self.process.kill()
             self.process.wait()
 
+    def kill_parser(self) -> int:
+        """End a process that parses for it by SIGKILL; how many there were to end, 0 or 1."""
+        if self.process is None:
+            return 0
+        for task in Path(f"/proc/{self.process.pid}/task").glob("*/children"):
+            with suppress(OSError):  # a thread or a child that ends meanwhile
+                for child in task.read_text().split():
+                    if b"service.ingest.worker" in Path(f"/proc/{child}/cmdline").read_bytes():
+                        os.kill(int(child), signal.SIGKILL)
+                        return 1
+        return 0
+
     def close(self) -> None:
         """Stop in good order."""
         if self.process is not None:
@@ -155,14 +173,14 @@ class Server:
 
 @contextmanager
 def installation(
-    kind: str, n_servers: int = 1, **settings: str
+    kind: str, n_servers: int = 1, mould: Mould | None = None, **settings: str
 ) -> Iterator[tuple[list[Server], StoppablePostgres | None]]:
-    """Running servers on a database of a kind, ``sqlite`` or ``postgres``."""
+    """Running servers on a database of a kind, ``sqlite`` or ``postgres``; copies of ``mould`` where there is one."""
     postgres = StoppablePostgres() if kind == "postgres" else None
     folder = Path(tempfile.mkdtemp(prefix="cd-run-"))
     url = postgres.url if postgres else f"sqlite:///{folder / 'casedrain.sqlite'}"
     key = secrets.token_hex(32)
-    servers = [Server(folder, url, f"server-{i}", audit_key=key, **settings) for i in range(n_servers)]
+    servers = [Server(folder, url, f"server-{i}", mould, audit_key=key, **settings) for i in range(n_servers)]
     try:
         for server in servers:
             server.start()
