@@ -2,17 +2,19 @@
 
 import json
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 from pydantic import Field
 from sqlalchemy.orm import Session
 
 from service.answers.jobs import JobResult
-from service.errors import Fault, Invalid
+from service.errors import Fault, Invalid, Unavailable
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.jobs.products import folder_of, keep
 from service.studies.evaluation import store
@@ -21,6 +23,7 @@ from service.studies.evaluation.plan import Chunk, Study, StudyFaultsError, chun
 from service.studies.evaluation.report import report_html
 from service.studies.evaluation.run import judge_chunk, run, scored
 
+T = TypeVar("T")
 MOST_PUMPS, MOST_HEALTHY_RECORDS = 300, 100_000
 """The size of the study that the targets ask for: about an hour of one core."""
 
@@ -79,12 +82,26 @@ class Evaluation(Kind[EvaluationParameters, _Running]):
         name = f"{chunk.row.name} / {chunk.reality.name} / {chunk.number + 1}"
         there = store.is_kept(state.folder, chunk)
         if not there:
-            state.pool.submit(judge_chunk, chunk, state.folder).result()
+            _made(state.pool, judge_chunk, chunk, state.folder)
         return Item(name, "kept" if there else "judged", {"pumps": chunk.n_pumps})
 
     def result(self, work: Work[EvaluationParameters], state: _Running, counts: dict[str, int]) -> JobResult:
-        documents = state.pool.submit(_documents, state.study, state.folder).result()
+        documents = _made(state.pool, _documents, state.study, state.folder)
         return {"counts": counts, "files": keep(work, documents)}
+
+
+def _made(pool: ProcessPoolExecutor, call: Callable[..., T], *given: Any) -> T:
+    """What the other process makes.
+
+    Raises
+    ------
+    Unavailable
+        when it was ended: a stop of all processes of a service, or memory that was short, is no end of the job.
+    """
+    try:
+        return pool.submit(call, *given).result()
+    except BrokenProcessPool:
+        raise Unavailable("the process that judges was ended from outside several times within a minute") from None
 
 
 def _study(parameters: EvaluationParameters) -> Study:

@@ -1,6 +1,10 @@
 """Studies and reports as jobs: what they leave behind, who may fetch it, and what is refused."""
 
+import multiprocessing
+import os
 import re
+import signal
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,6 +13,7 @@ from pydantic import TypeAdapter
 
 from service.answers.job_documents import FleetReport
 from service.errors import Unavailable
+from service.jobs import evaluation
 from tests.detectors.fleet import FAULTS, history
 from tests.service.finished_job import finished
 from tests.service.stored_records import store
@@ -80,6 +85,30 @@ def test_what_cannot_be_made_is_refused_before_it_starts(client: TestClient) -> 
         if where is not None:
             assert where in [fault["where"] for fault in answer.json()["errors"]]
     assert client.get(f"{API}/jobs").json()["items"] == []
+
+
+def _killed_once(_chunk: object, folder: Path) -> None:
+    mark = folder.with_name(f"{folder.name}-killed")
+    if not mark.exists():
+        mark.parent.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _nothing(_study: object, _folder: Path) -> dict[str, str]:
+    return {"json": "{}"}
+
+
+def test_a_study_outlives_the_process_that_judges(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stop of all processes of a service, or memory that is short, ends it: it is made anew, and no chunk is lost."""
+    forks = multiprocessing.get_context("fork")  # has what is patched here, and starts at once
+    monkeypatch.setattr(evaluation.multiprocessing, "get_context", lambda _: forks)
+    monkeypatch.setattr(evaluation, "judge_chunk", _killed_once)
+    monkeypatch.setattr(evaluation, "_documents", _nothing)
+    job = asked(client, "evaluation", STUDY)
+    assert (job["status"], job["result"]["counts"]) == ("succeeded", {"judged": 8}), job
+    data_dir = client.app.state.context.settings.data_dir  # type: ignore[attr-defined]
+    assert list(data_dir.rglob("*-killed"))
 
 
 @pytest.mark.study
