@@ -1,11 +1,13 @@
 """Requests that are wrong in any place, by the hundred thousand, on both databases: what is answered, and what it costs.
 
-``python -m benchmarks.wrong_requests [cases] [seed]`` writes ``benchmarks/results/wrong_requests.json``. Every case is a
+``python -m benchmarks.wrong_requests [CASES [SEED [sqlite|postgres]]]`` adds its runs to ``benchmarks/results/wrong_requests.json``;
+each 2,500 cases have a fresh database and the next seed. Every case is a
 route's good request with a few parts replaced (``tests/service/mutations.py``); a fault is an answer of 500, a status
 that the API's document does not have, a problem that is no problem document, a 405 without its ``Allow``.
 """
 
 import asyncio
+import json
 import resource
 import sys
 import time
@@ -20,7 +22,7 @@ from unittest import mock
 
 import structlog
 
-from benchmarks import keep
+from benchmarks import RESULTS, keep
 from service.storage.database import upgrade
 from service.web.api_document.document import openapi_document
 from tests.postgres import cluster, create_database
@@ -92,10 +94,16 @@ def _memory_mb() -> int:
 
 
 def main() -> None:
-    """Run and write what was seen."""
+    """Run, and add to what earlier runs have seen; a run of the same seed takes the other's place."""
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(50))
-    n_cases, seed = (int(word) for word in (sys.argv[1:] + [str(N_CASES), str(SEED)][len(sys.argv) - 1 :])[:2])
-    keep("wrong_requests", {"seed": seed, **{kind: measured(kind, n_cases, seed) for kind in ("sqlite", "postgres")}})
+    n_cases, seed = (int(word) for word in (sys.argv[1:3] + [str(N_CASES), str(SEED)][len(sys.argv[1:3]) :]))
+    place = RESULTS / "wrong_requests.json"
+    for kind in sys.argv[3:] or ("sqlite", "postgres"):
+        runs = json.loads(place.read_text())["runs"] if place.exists() else []
+        found = {"seed": seed, "database": kind, **measured(kind, n_cases, seed)}
+        runs = [r for r in runs if (r["seed"], r["database"]) != (seed, kind)] + [found]
+        faults = sum((Counter(r["faults"]) for r in runs), Counter())
+        keep("wrong_requests", {"cases": sum(r["cases"] for r in runs), "faults": faults, "runs": runs})
 
 
 if __name__ == "__main__":
