@@ -9,6 +9,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
@@ -31,6 +32,9 @@ _QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX
 _ARROW = {"ARROW_DEFAULT_MEMORY_POOL": "system", "ARROW_NUM_THREADS": "1"}
 """Threads and arenas reserve address space that they never use, which the memory limit would count."""
 _START_TIMEOUT_S = 60.0
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+_MOST_WAITING, _LEAST_S = 4.0, 0.05
+"""How many times its limit a file may take by the clock (our choice), and the shortest pause between two looks [s]."""
 _KILLS = 2
 """So often a file may see its process killed: once by whoever, as where memory is short; twice, then it takes too much itself."""
 _FILE = ("decoding the file", "split the record into segments")
@@ -42,7 +46,7 @@ _SECONDS = Histogram("casedrain_parse_seconds", "Time that the parser took for a
 
 @dataclass(frozen=True, slots=True)
 class ParserLimits:
-    """What one file may cost the parser."""
+    """What one file may cost the parser: processor time [s], and memory [bytes]."""
 
     seconds: float = 60.0
     memory_bytes: int = 2 * 2**30
@@ -56,7 +60,7 @@ class ParserPool:
     folder
         Where workers leave decoded channels; they are removed as soon as they are read.
     limits
-        Time and memory for one file.
+        Processor time and memory for one file.
     n_workers
         How many files are parsed at the same time; further requests wait, tenants in turn (``service.access.turns``).
     most_waiting, patience_s
@@ -241,24 +245,39 @@ class _Worker:
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                pipe.close()
+                with suppress(OSError):  # what was not taken any more is written once more on closing
+                    pipe.close()
+
+    def _used_s(self) -> float:
+        """Processor time that it has used [s]."""
+        with suppress(OSError, ValueError):  # it has ended
+            fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+            return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
+        return 0.0
 
     def _line(self, seconds: float) -> str:
         stdout = self._process.stdout
         if stdout is None:
             raise RuntimeError("the worker was started without a pipe")
-        late = threading.Event()
+        late, answered = threading.Event(), threading.Event()
+        before, ends_at = self._used_s(), time.monotonic() + _MOST_WAITING * seconds
 
-        def give_up() -> None:
-            late.set()
-            self._process.kill()
+        def watch() -> None:
+            left = seconds
+            while not answered.wait(left):
+                # what waits for a processor beside others is not slow
+                left = seconds - (self._used_s() - before)
+                if left <= 0.0 or time.monotonic() >= ends_at:
+                    late.set()
+                    self._process.kill()
+                    return
+                left = max(_LEAST_S, min(left, ends_at - time.monotonic()))
 
-        timer = threading.Timer(seconds, give_up)
-        timer.start()
+        threading.Thread(target=watch, daemon=True, name="parser-limit").start()
         try:
             line = stdout.readline()
         finally:
-            timer.cancel()
+            answered.set()
         if line.endswith("\n"):
             return line
         code = self._process.wait()

@@ -2,12 +2,14 @@
 
 import asyncio
 import json
+import math
 import os
 import signal
 import threading
 import tracemalloc
 from collections.abc import AsyncIterator, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +60,18 @@ def test_time_is_limited_and_the_pool_goes_on(record: Path, tmp_path: Path) -> N
     pool.close()
 
 
+def test_a_file_that_waits_for_a_processor_is_not_slow(record: Path, tmp_path: Path) -> None:
+    """Beside much other work a good file takes long by the clock: it is not the file that does."""
+    pool = ParserPool(tmp_path / "spool", ParserLimits(seconds=0.4), n_workers=1)
+    pool.parsed(record, "application/json", "", LIMITS)
+    _while_it_reads(pool, after_s=0.7)
+    assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
+    _while_it_reads(pool, after_s=math.inf)
+    with pytest.raises(TooLarge, match="takes longer than"):
+        pool.parsed(record, "application/json", "", LIMITS)
+    pool.close()
+
+
 def test_memory_is_limited_and_the_pool_goes_on(record: Path, tmp_path: Path) -> None:
     pool = ParserPool(tmp_path / "spool", ParserLimits(memory_bytes=64 * 2**20), n_workers=1)
     fat = tmp_path / "fat.json"
@@ -90,18 +104,20 @@ def test_a_crash_on_a_file_is_its_fault_alone(pool: ParserPool, record: Path) ->
     assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
 
 
-def _while_it_reads(pool: ParserPool, *signals: int) -> None:
-    """Send signals to the process of the next file while it has the file in hand."""
+def _while_it_reads(pool: ParserPool, *signals: int, after_s: float = 0.2) -> None:
+    """Send signals to the process of the next file while it has the file in hand, which stands still until then."""
     worker = pool._places.queue[0]
     assert worker is not None
     pid = worker._process.pid
     os.kill(pid, signal.SIGSTOP)  # so that it has not answered before
 
     def sent() -> None:
-        for number in (*signals, signal.SIGCONT):
-            os.kill(pid, number)
+        with suppress(ProcessLookupError):
+            for number in (*signals, signal.SIGCONT):
+                os.kill(pid, number)
 
-    threading.Timer(0.2, sent).start()
+    if after_s < math.inf:
+        threading.Timer(after_s, sent).start()
 
 
 def test_a_process_that_somebody_kills_costs_no_file(pool: ParserPool, record: Path) -> None:
@@ -109,6 +125,19 @@ def test_a_process_that_somebody_kills_costs_no_file(pool: ParserPool, record: P
     _while_it_reads(pool, signal.SIGKILL)
     raw = pool.parsed(record, "application/json", "", LIMITS)
     assert np.array_equal(raw.tables[0].channels["time_s"], document()["channels"]["time_s"])
+
+
+def test_a_process_killed_before_it_takes_a_file_costs_none(
+    pool: ParserPool, record: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pool.parsed(record, "application/json", "", LIMITS)
+    worker = pool._places.queue[0]
+    assert worker is not None
+    worker._process.kill()
+    worker._process.wait()
+    seen = iter([True])  # it died right behind the look
+    monkeypatch.setattr(parser_pool._Worker, "is_alive", property(lambda _: next(seen, False)))
+    assert pool.parsed(record, "application/json", "", LIMITS).tables[0].channels
 
 
 def test_a_stop_of_all_processes_lets_a_file_be_read_to_its_end(pool: ParserPool, record: Path) -> None:
