@@ -147,8 +147,8 @@ def _summed(runs: list[dict[str, Any]]) -> dict[str, Any]:
         "loads": sum(run.get("loads", run["rounds"]) for run in runs),
         "takeovers": len(seconds),
         "takeovers_within_60_s": sum(s <= WITHIN_S for s in seconds),
-        "taken_over_and_done_s": {"median": median(seconds or [0.0]), "most": max(seconds, default=0.0)},
-        "done_after_last_start_s": {"median": median(alone or [0.0]), "most": max(alone, default=0.0)},
+        "taken_over_and_done_s": {"median": median(seconds), "most": seconds[-1]} if seconds else None,
+        "done_after_last_start_s": {"median": median(alone), "most": alone[-1]} if alone else None,
         "faults": [fault for run in runs for fault in run["faults"]],
     }
 
