@@ -21,6 +21,8 @@ from service.ingest.archive_index import write_index
 from service.ingest.parse import parsed
 from service.ingest.raw import Limits, RawFile, TextDialect
 
+_NICENESS = 10
+"""Files are read in the time that answers leave: a reader of others' slow files held every read up for as long as it ran."""
 _SCALARS = (str, int, float, bool, type(None))
 
 
@@ -28,6 +30,7 @@ def main() -> None:
     """Serve requests until standard input ends, as it does with the server; a stop that reaches all processes ends nothing here."""
     for stop in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(stop, signal.SIG_IGN)
+    os.nice(_NICENESS)
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what a library prints must not look like an answer
     print(json.dumps({"ready": True}), file=answers, flush=True)

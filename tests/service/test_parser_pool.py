@@ -151,6 +151,14 @@ def test_a_stop_of_all_processes_lets_a_file_be_read_to_its_end(pool: ParserPool
     assert os.getsid(before._process.pid) != os.getsid(0)
 
 
+def test_reading_files_yields_to_answering(pool: ParserPool, record: Path) -> None:
+    pool.parsed(record, "application/json", "", LIMITS)
+    worker = pool._places.queue[0]
+    assert worker is not None
+    own, its = (os.getpriority(os.PRIO_PROCESS, pid) for pid in (0, worker._process.pid))
+    assert its == min(19, own + 10)
+
+
 def test_a_file_on_which_two_processes_are_killed_takes_too_much_memory(
     pool: ParserPool, record: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
