@@ -67,7 +67,9 @@ def run(seed: int, seconds: float, kind: str) -> dict[str, Any]:
             # its own key would be revoked, and the rest of the run answered 401
             command += ["--exclude-path-regex", "/keys/"]
             command += ["--report-json-path", str(report), "--workers", "2"]
-            said = subprocess.run(command, capture_output=True, text=True, check=False, timeout=4 * seconds + 120)  # noqa: S603
+            limit = 4 * seconds + 120
+            # what it remembers of failures is no part of the tree
+            said = subprocess.run(command, capture_output=True, text=True, check=False, timeout=limit, cwd=folder)  # noqa: S603
             (folder.parent / f"casedrain-cases-{seed}.txt").write_text(said.stdout + said.stderr)
             memory = re.search(r"VmHWM:\s+(\d+)", Path(f"/proc/{process.pid}/status").read_text())
         log = (folder / "log").read_text(errors="replace")
