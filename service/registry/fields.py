@@ -1,11 +1,21 @@
 """Checked pieces that request bodies of the registry are made of."""
 
+import re
 from datetime import UTC, datetime
 from typing import Annotated
 
-from pydantic import AfterValidator, AwareDatetime, StringConstraints
+from pydantic import AfterValidator, AwareDatetime, BeforeValidator, StringConstraints
 
 from service.ingest.names import clean_name, name_fault
+
+_NUMBER = re.compile(r"[+-]?[\d_.]+(e[+-]?\d+)?|[+-]?(inf(inity)?|nan)", re.IGNORECASE)
+
+
+def _written(given: object) -> object:
+    """Refuse numbers, also as text: a count of what since when is nobody's guess."""
+    if isinstance(given, int | float) or (isinstance(given, str) and _NUMBER.fullmatch(given.strip())):
+        raise ValueError("is a number: write an instant like 2026-05-08T12:00:00Z")
+    return given
 
 
 def _sensible(instant: datetime) -> datetime:
@@ -32,7 +42,9 @@ def _named(text: str) -> str:
     return name
 
 
-Instant = Annotated[AwareDatetime, AfterValidator(_sensible)]
+Written = Annotated[datetime, BeforeValidator(_written)]
+"""A date with time, as text; whether it has a zone is looked at elsewhere."""
+Instant = Annotated[AwareDatetime, BeforeValidator(_written), AfterValidator(_sensible)]
 """An instant with a time zone, in UTC."""
 Name = Annotated[
     str,

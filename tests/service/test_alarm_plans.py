@@ -71,6 +71,9 @@ def test_a_plan_is_made_changed_and_taken_back(guarded: TestClient, ann: dict[st
         "line 2 is full",
     )
     assert plan(assignee="line 3").status_code == 409
+    documented = guarded.get("/openapi.json").json()["paths"]
+    assert "409" in documented[f"{ALARMS}/{{alarm_id}}"]["patch"]["responses"]
+    assert "409" in documented[f"{ALARMS}/{{alarm_id}}/comments"]["post"]["responses"]
     assert plan(work_order=None).json()["work_order"] is None
     assert faults(plan()) == {"body"}
     assert faults(plan(reason="only a word")) == {"body"}
@@ -125,6 +128,21 @@ def test_comments_and_plans_follow_the_history_and_ask_nobody_anew(guarded: Test
         assert (answer.status_code, answer.json()["state"]) == (409, "withdrawn")
     kept = guarded.get(f"{ALARMS}/{alarm}", headers=ann).json()
     assert (kept["assignee"], kept["comments"]) == ("bob", 2)
+
+
+def test_an_instant_is_written_and_no_number(guarded: TestClient, ann: dict[str, str]) -> None:
+    """The document says date and time; a number was taken for seconds since 1970."""
+    (alarm, *_) = guarded.get(ALARMS, headers=ann).json()["items"]
+    for given in (0, 4e9, True, "4000000000", "0.5", "-1e9"):
+        for path, body, where in (
+            (f"{ALARMS}/actions", {"alarms": ["x"], "action": "shelve", "until": given}, "body.until"),
+            (f"{ALARMS}/{alarm['id']}/shelve", {"reason": "x", "until": given}, "body.until"),
+        ):
+            answer = guarded.post(path, json=body, headers=ann)
+            assert (answer.status_code, [f["where"] for f in answer.json()["errors"]]) == (422, [where]), given
+        assert guarded.patch(f"{ALARMS}/{alarm['id']}", json={"due_at": given}, headers=ann).status_code == 422
+        answer = guarded.get("/api/v1/records", params={"to": str(given)}, headers=ann)
+        assert (answer.status_code, answer.json()["errors"][0]["where"]) == (422, "query.to"), given
 
 
 def test_the_same_for_many(guarded: TestClient, ann: dict[str, str]) -> None:

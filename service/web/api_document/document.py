@@ -86,6 +86,8 @@ _FURTHER: Mapping[tuple[str, str], tuple[int, ...]] = {
     ("POST", "/alarms/{alarm_id}/shelve"): (409,),
     ("POST", "/alarms/{alarm_id}/unshelve"): (409,),
     ("POST", "/alarms/{alarm_id}/close"): (409,),
+    ("POST", "/alarms/{alarm_id}/comments"): (409,),
+    ("PATCH", "/alarms/{alarm_id}"): (409,),
     ("PUT", "/thresholds/{scope}/{scope_id}"): (412, 428),
     ("POST", "/thresholds/{scope}/{scope_id}/versions/{number}/restore"): (412,),
     ("POST", "/thresholds/preview"): (404,),

@@ -15,7 +15,7 @@ from service.answers.words import Page
 from service.bodies import Body
 from service.errors import Problem
 from service.reading.alarm_statistics import Period, statistics
-from service.registry.fields import Instant, Name, Note
+from service.registry.fields import Instant, Name, Note, Written
 from service.registry.fields import Reason as Reasoned
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
@@ -47,7 +47,7 @@ class Shelf(Body):
         json_schema_extra={"examples": [{"reason": "spare arrives on Friday", "until": "2026-05-08T12:00:00Z"}]},
     )
     reason: str = Field(max_length=2000)
-    until: datetime
+    until: Written
 
 
 class Comment(Body):
@@ -85,7 +85,7 @@ class Many(Planned):
     )
     alarms: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=200)
     action: Literal["acknowledge", "shelve", "unshelve", "close", "comment", "plan"]
-    until: datetime | None = None
+    until: Written | None = None
 
     def wish(self) -> Wish:
         """What shall be done about each of them."""

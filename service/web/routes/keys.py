@@ -14,6 +14,7 @@ from service.answers.words import Page, instant
 from service.bodies import Body
 from service.errors import Fault, Forbidden, Invalid, NotFound
 from service.reading import queries
+from service.registry.fields import Written
 from service.storage.tables import ApiKey
 from service.web.answer_route import AnswerRoute
 from service.web.dependencies import Asker, ContextOf
@@ -33,7 +34,7 @@ class NewKey(Body):
     owner: str = Field(min_length=1, max_length=200, examples=["hums-office"])
     role: Role
     operator: str | None = Field(default=None, min_length=1, max_length=200)
-    expires_at: datetime | None = None
+    expires_at: Written | None = None
     scopes: list[Scope] | None = Field(default=None, min_length=1, max_length=4)
 
 
