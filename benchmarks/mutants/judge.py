@@ -77,7 +77,7 @@ MUTANTS: tuple[Mutant, ...] = (
         "if not self.reservoir_measured:\n            most",
         "if self.reservoir_measured:\n            most",
     ),
-    _bank("detectors.bank.kernel", "P[i, AMPLITUDE] += P[i, RATE]", "P[i, AMPLITUDE] += 0.0", plain=True),
+    _bank("detectors.bank.kernel", "P[AMPLITUDE, AMPLITUDE] += P[AMPLITUDE, RATE]", "P[AMPLITUDE, AMPLITUDE] += 0.0", plain=True),
     _bank("detectors.bank.kernel", "m[AMPLITUDE] += m[RATE]", "m[AMPLITUDE] += 0.0", plain=True),
     _bank("detectors.bank.kernel", "m[RATE] *= GROWS_ON", "m[RATE] *= 1.0", plain=True),
     _bank("detectors.bank.kernel", "d -= A[j, k] * A[j, k]", "d -= A[j, k]", plain=True),

@@ -10,6 +10,7 @@ from detectors.expectation.components import (
     AMPLITUDE,
     N_STATE,
     RATE,
+    RESERVOIR,
     SETTING,
 )
 from detectors.words.numbers import STUDENT_DEGREES
@@ -246,10 +247,12 @@ def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, 
 
 
 @compiled
-def surprise(m: Array, P: Array, direction: Array, reading: Reading, n: int) -> float:
-    """Squared distance of a measurement from what a filter expects, over the largest that counts as explained."""
+def surprise(filters: Filters, n_filters: int, directions: Array, reading: Reading, n: int) -> float:
+    """Squared distance of a measurement from what the likeliest filter expects, over the largest that counts as explained."""
+    f = filters.log_evidence[:n_filters].argmax()
+    m, P = filters.mean[f], filters.covariance[f]
     room, point = scratch(), m.copy()
-    return take(m.copy(), P.copy(), direction, reading, n, 1, point, np.empty(0), room)[1]
+    return take(m.copy(), P.copy(), directions[filters.kind[f]], reading, n, 1, point, np.empty(0), room)[1]
 
 
 @compiled
@@ -298,6 +301,24 @@ def begun(filters: Filters, n_filters: int) -> None:
 
 
 @compiled
+def pass_time(filters: Filters, n_filters: int, walks: Walks, reservoir: float) -> None:
+    """From the last record to the next, which begins, in place; ``reservoir`` is what its pressure wanders by beside [bar^2]."""
+    advance(filters, n_filters, walks)
+    if reservoir > 0.0:
+        for f in range(n_filters):
+            filters.covariance[f, RESERVOIR, RESERVOIR] += reservoir
+    begun(filters, n_filters)
+
+
+@compiled
+def close(filters: Filters, n_filters: int) -> None:
+    """A record has been taken, in place: evidence counts from the likeliest filter on, and who explained it is noted."""
+    log_evidence = filters.log_evidence[:n_filters]
+    log_evidence -= log_evidence.max()
+    remembered(filters, n_filters)
+
+
+@compiled
 def _whitened(L: Array, innovation: Array, white: Array, k: int) -> tuple[float, float]:
     """``white = L^-1 innovation``; its square sum and the log determinant of L L'."""
     distance, log_det = 0.0, 0.0
@@ -315,9 +336,9 @@ def _whitened(L: Array, innovation: Array, white: Array, k: int) -> tuple[float,
 def advance(filters: Filters, n_filters: int, walks: Walks) -> None:
     """From one record to the next, in place: amplitudes grow by their rate, every component wanders."""
     for f in range(n_filters):
-        wandered(
-            filters.mean[f], filters.covariance[f], walks.state, walks.amplitude[f], walks.rate[f], walks.setting[f]
-        )
+        shape, kind = filters.shape[f], filters.kind[f]
+        amplitude, rate, setting = walks.amplitude[shape, kind], walks.rate[shape, kind], walks.setting[kind]
+        wandered(filters.mean[f], filters.covariance[f], walks.state, amplitude, rate, setting)
 
 
 @compiled
@@ -325,15 +346,16 @@ def wandered(m: Array, P: Array, walk: Array, amplitude: float, rate: float, set
     """One filter from one record to the next, in place; ``walk`` (N,) and the rest are variances."""
     if P[RATE, RATE] > 0.0:
         m[AMPLITUDE] += m[RATE]
-        for i in range(N_STATE):
-            P[AMPLITUDE, i] += P[RATE, i]
-        for i in range(N_STATE):
-            P[i, AMPLITUDE] += P[i, RATE]
         m[RATE] *= GROWS_ON
         for i in range(N_STATE):
+            P[AMPLITUDE, i] += P[RATE, i]
             P[RATE, i] *= GROWS_ON
+        P[AMPLITUDE, AMPLITUDE] += P[AMPLITUDE, RATE]
+        P[AMPLITUDE, RATE] *= GROWS_ON
+        P[RATE, RATE] *= GROWS_ON
+        P[RATE, AMPLITUDE] = P[AMPLITUDE, RATE]
         for i in range(N_STATE):
-            P[i, RATE] *= GROWS_ON
+            P[i, AMPLITUDE], P[i, RATE] = P[AMPLITUDE, i], P[RATE, i]
     for i in range(N_STATE):
         P[i, i] += walk[i]
     P[AMPLITUDE, AMPLITUDE] += amplitude

@@ -156,6 +156,14 @@ def expected(m: Array, direction: Array, reading: Reading) -> tuple[float, float
 
 
 @compiled
+def expected_by_both(filters: Filters, n: int, directions: Array, reading: Reading) -> tuple[Expected, Expected]:
+    """What the healthy and what the likeliest of the first n filters expect to be measured."""
+    f = filters.log_evidence[:n].argmax()
+    healthy = expected(filters.mean[0], directions[filters.kind[0]], reading)
+    return healthy, expected(filters.mean[f], directions[filters.kind[f]], reading)
+
+
+@compiled
 def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) -> tuple[float, float]:
     """Case flow of one filter's state at an anchor and its variance [L/min, (L/min)^2]."""
     full, slopes, y = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(2)
@@ -167,10 +175,13 @@ def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) 
         gradient[LAW] += slopes[2, j] * direction[1, j] * state[AMPLITUDE]
         if j < N_LIVING:
             gradient[place(j)] = slopes[2, j]
-    variance = 0.0
+    row, variance = np.zeros(N_STATE), 0.0
     for i in range(N_STATE):
-        for j in range(N_STATE):
-            variance += gradient[i] * covariance[i, j] * gradient[j]
+        if gradient[i] != 0.0:
+            for j in range(N_STATE):
+                row[j] += gradient[i] * covariance[i, j]
+    for j in range(N_STATE):
+        variance += row[j] * gradient[j]
     return flow, variance
 
 

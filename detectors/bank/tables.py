@@ -16,7 +16,7 @@ from detectors.bank.hypotheses import (
     log_priors,
     walk_variance,
 )
-from detectors.bank.shapes import N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Kinds
+from detectors.bank.shapes import N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Kinds, Walks
 from detectors.expectation.components import N_COMPONENTS, N_STATE
 from detectors.words.verdict import State
 from twin.parameters import PumpType
@@ -72,12 +72,12 @@ def kinds_of(pump: PumpType) -> Kinds:
     return KINDS._replace(log_priors=log_priors(LOG_ARRIVAL, hazards_of(pump)))
 
 
-AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
-RATE_VARIANCE = np.zeros_like(AMPLITUDE_VARIANCE)
-RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
-SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
+_AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
+_RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
+_RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
+_SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
 """Walks from record to record by shape and kind, the healthy pump last."""
-WALK = walk_variance()
+WALKS = Walks(walk_variance(), _AMPLITUDE_VARIANCE, _RATE_VARIANCE, _SETTING_VARIANCE)
 
 
 def empty_filters() -> Filters:

@@ -10,6 +10,7 @@ from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
     GONE,
+    N_KINDS,
     OTHER,
     directions,
     laws,
@@ -20,7 +21,7 @@ from detectors.bank.hypotheses import (
 )
 from detectors.bank.kernel import GROWS_ON, STUDENT_DEGREES, _cholesky, _whitened, advance, begun, remembered, step
 from detectors.bank.prediction import N_MEASURED, predicted
-from detectors.bank.shapes import ALIKE, ARRIVAL, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Walks
+from detectors.bank.shapes import ALIKE, ARRIVAL, N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Walks
 from detectors.bank.tables import DIRECTIONS
 from detectors.bank.window import Measurement
 from detectors.expectation import components as c
@@ -175,7 +176,7 @@ def test_time_passes_as_in_the_textbook() -> None:
     covariance[1, RATE, :] = covariance[1, :, RATE] = 0.0  # the second does not grow
     mean[1, RATE] = 0.0
     walk = rng.uniform(0.0, 1.0, N_STATE)
-    own = rng.uniform(0.0, 1.0, (3, 2))
+    own = rng.uniform(0.0, 1.0, (3, N_KINDS + 1))
     into = np.eye(N_STATE)
     into[AMPLITUDE, RATE] = 1.0
     into[RATE, RATE] = GROWS_ON
@@ -186,7 +187,10 @@ def test_time_passes_as_in_the_textbook() -> None:
             noise[f, place, place] += variance
     expected = into @ covariance @ into.T + noise
     filters = beside(mean, covariance, 0, STEP)
-    advance(filters, 2, Walks(walk, own[0], own[1], own[2]))
+    filters.kind[:] = 0, 1
+    by_shape = np.zeros((2, N_SHAPES, N_KINDS + 1))
+    by_shape[:, STEP] = own[:2]
+    advance(filters, 2, Walks(walk, by_shape[0], by_shape[1], own[2]))
     assert mean == pytest.approx(expected_mean)
     assert covariance == pytest.approx(expected)
 

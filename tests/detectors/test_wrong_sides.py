@@ -17,7 +17,7 @@ from detectors.bank.shapes import (
     Filters,
 )
 from detectors.bank.summary import TEMPER, _size_evidence, _weigh
-from detectors.bank.tables import AMPLITUDE_VARIANCE, DIRECTIONS, KINDS, empty_filters
+from detectors.bank.tables import DIRECTIONS, KINDS, WALKS, empty_filters
 from detectors.evaluation.reality import REALITIES
 from detectors.evaluation.rows import ROWS, Row
 from detectors.evaluation.strange import STRANGE_ROWS
@@ -53,7 +53,7 @@ def test_rivals_move_the_case_alike(name: str) -> None:
     """Within a third: who may wander less in what the sensor sees follows a slow change with less noise, record for record."""
     rival = NAMES.index(name)
     assert case_by_size(rival) == pytest.approx(case_by_size(LEAK), rel=0.3)
-    wander = np.sqrt(AMPLITUDE_VARIANCE[STEP])
+    wander = np.sqrt(WALKS.amplitude[STEP])
     assert wander[rival] / KINDS.scales[rival] == pytest.approx(wander[LEAK] / KINDS.scales[LEAK])
 
 
