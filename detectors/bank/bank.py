@@ -21,7 +21,7 @@ from detectors.bank.hypotheses import (
 )
 from detectors.bank.kernel import close, free, pass_time, step, surprise
 from detectors.bank.lines import LineScatter
-from detectors.bank.prediction import CASE, LINE, ZERO, Expected, expected, expected_by_both
+from detectors.bank.prediction import CASE, LINE, ZERO, Expected, discrepancy, expected_by_both
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import Regulation
 from detectors.bank.shapes import (
@@ -41,18 +41,17 @@ from detectors.bank.tables import (
     ARRIVAL_KINDS,
     ARRIVAL_LEAKAGE_LPM,
     BREADTH,
-    BY_LINES,
     DIRECTIONS,
     DISCREPANCY,
-    IS_BOUNDED,
     IS_HEALTHY,
     KINDS,
     LOG_ARRIVAL,
     MOST_ONSETS,
-    OF_RESERVOIR,
     WALKS,
     empty_filters,
     kinds_of,
+    most_onsets,
+    scales_of,
     touched_by,
 )
 from detectors.bank.window import Measurement, history_of, nothing_freed
@@ -193,10 +192,8 @@ class Bank:
         Far from where the healthy pump was learnt sensor and laws are less sure of the case pressure; the line at once per
         turn scatters as this pump's own does, which it teaches in turn.
         """
-        noise, reading = measurement.noise.copy(), measurement.reading
-        if CASE in measurement.seen:
-            _, case, _ = expected(self.filters.mean[0], _NOTHING, reading)
-            noise[CASE, CASE] += (DISCREPANCY * (measurement.values[CASE] - case)) ** 2
+        noise = measurement.noise.copy()
+        noise[CASE, CASE] += discrepancy(self.filters.mean[0], _NOTHING, measurement.reading, DISCREPANCY)
         if measurement.seen[-1] == LINE:
             before = self.line_scatter
             self.line_scatter = before.with_line(float(measurement.values[LINE]), float(noise[LINE, LINE]))
@@ -278,18 +275,13 @@ class Bank:
 
         ``breadth`` is how many times its kind's scale a fault may be that nothing bounds.
         """
-        scales = np.where(IS_BOUNDED, 1.0, breadth) * KINDS.scales
+        scales = scales_of(breadth)
         self.n = spawned(self.filters, self.n, self.records, self.kinds, self._most_onsets(), scales)
         self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:
-        """How many onsets are kept by shape and kind: none of what this history cannot tell from another kind."""
-        most = MOST_ONSETS.copy()
-        if not self.lines_seen:
-            most[:, BY_LINES] = 0
-        if not self.reservoir_measured:
-            most[:, OF_RESERVOIR] = 0
-        return most
+        """How many onsets are kept by shape and kind."""
+        return most_onsets(lines=self.lines_seen, reservoir=self.reservoir_measured)
 
     def reset(self, freed: Mapping[str, float | None], *, cures: bool = True) -> None:
         """Something touched some components: they are as unknown as in any pump of the population, and nothing else is.

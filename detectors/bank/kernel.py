@@ -144,16 +144,23 @@ def take(
         for i in range(n):
             point[i] = m[i]
         for a in range(k):
+            own, move = W[a], white[a]
             for i in range(n):
-                W[a, i] = PH[a, i]
-            for b in range(a):
-                factor = L[a, b]
+                own[i] = PH[a, i]
+            for b in range(a % 2, a, 2):
+                u, v = L[a, b], L[a, b + 1]
                 for i in range(n):
-                    W[a, i] -= factor * W[b, i]
+                    own[i] -= u * W[b, i] + v * W[b + 1, i]
             factor = 1.0 / L[a, a]
-            for i in range(n):
-                W[a, i] *= factor
-                point[i] += W[a, i] * white[a]
+            if a % 2 == 1:
+                u = L[a, 0]
+                for i in range(n):
+                    own[i] = factor * (own[i] - u * W[0, i])
+                    point[i] += own[i] * move
+            else:
+                for i in range(n):
+                    own[i] *= factor
+                    point[i] += own[i] * move
     _less(P, W, k, n)
     for i in range(n):
         m[i] = point[i]

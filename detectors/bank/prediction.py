@@ -156,6 +156,16 @@ def expected(m: Array, direction: Array, reading: Reading) -> tuple[float, float
 
 
 @compiled
+def discrepancy(m: Array, direction: Array, reading: Reading, share: float) -> float:
+    """Variance of the case pressure [bar^2] where its deviation from what a filter expects is off by a share of itself."""
+    for i in reading.seen:
+        if i == CASE:
+            _, case, _ = expected(m, direction, reading)
+            return float((share * (reading.values[CASE] - case)) ** 2)
+    return 0.0
+
+
+@compiled
 def expected_by_both(filters: Filters, n: int, directions: Array, reading: Reading) -> tuple[Expected, Expected]:
     """What the healthy and what the likeliest of the first n filters expect to be measured."""
     f = filters.log_evidence[:n].argmax()
