@@ -107,12 +107,12 @@ def take(
     k = len(seen)
     # n is no constant: loops of known length would be unrolled and done one number at a time
     H, PH, W = wide[:N_MEASURED], wide[N_MEASURED : 2 * N_MEASURED], wide[2 * N_MEASURED : 3 * N_MEASURED]
-    slopes, full = wide[3 * N_MEASURED : 3 * N_MEASURED + 3], wide[3 * N_MEASURED + 3]
+    full = wide[3 * N_MEASURED]
     S, L = small[:N_MEASURED], small[N_MEASURED : 2 * N_MEASURED]
     y, innovation, white = small[2 * N_MEASURED], small[2 * N_MEASURED + 1], small[2 * N_MEASURED + 2]
     log_density, misfit = 0.0, 0.0
     for iteration in range(iterations):
-        predicted(point, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
+        predicted(point, direction, anchor, ripple, full, y, H, max(seen[k - 1], ZERO) + 1)
         for a in range(k):
             ia = seen[a]
             innovation[a] = _projected(values[ia] - y[ia], H[ia], m, P, point, n, PH[a])
@@ -274,14 +274,9 @@ def _open_density(m: Array, reading: Reading, direction: Array, room: Scratch) -
     """Logarithm of the predictive density of whoever knows nothing but how far apart two records may lie."""
     anchor, ripple, values, noise, seen = reading
     wide, small = room
-    H, slopes, full, y = (
-        wide[:N_MEASURED],
-        wide[3 * N_MEASURED : 3 * N_MEASURED + 3],
-        wide[3 * N_MEASURED + 3],
-        small[0],
-    )
+    H, full, y = wide[:N_MEASURED], wide[3 * N_MEASURED], small[0]
     k = len(seen)
-    predicted(m, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
+    predicted(m, direction, anchor, ripple, full, y, H, max(seen[k - 1], ZERO) + 1)
     distance, log_det = 0.0, 0.0
     for a in range(k):
         i = seen[a]
@@ -328,15 +323,15 @@ def close(filters: Filters, n_filters: int) -> None:
 @compiled
 def _whitened(L: Array, innovation: Array, white: Array, k: int) -> tuple[float, float]:
     """``white = L^-1 innovation``; its square sum and the log determinant of L L'."""
-    distance, log_det = 0.0, 0.0
+    distance, root = 0.0, 1.0
     for a in range(k):
         total = innovation[a]
         for b in range(a):
             total -= L[a, b] * white[b]
         white[a] = total / L[a, a]
         distance += white[a] * white[a]
-        log_det += 2.0 * math.log(L[a, a])
-    return distance, log_det
+        root *= L[a, a]
+    return distance, 2.0 * math.log(root)
 
 
 @compiled

@@ -39,12 +39,12 @@ BY_NAME = {row.name: row for row in (*ROWS, *STRANGE_ROWS)}
 def case_by_size(kind: int) -> float:
     """What one sigma of a kind does to the case pressure of the nominal pump at 60 degC [bar]."""
     anchor = anchors([Condition(PUMP.nominal_speed_rpm, 60.0, 0.5)], PUMP, CIRCUIT)[0][0]
-    full, slopes = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS))
+    full = np.empty(N_COMPONENTS)
     state = np.zeros(N_STATE)
     state[LAW] = KINDS.laws[kind, 0]
     y, H = np.zeros(N_MEASURED), np.empty((N_MEASURED, N_SLOPES))
     ripple, direction = np.zeros((2, N_COMPONENTS)), DIRECTIONS[kind]
-    predicted(state, direction, anchor, ripple, full, slopes, y, H)
+    predicted(state, direction, anchor, ripple, full, y, H)
     return float(H[CASE, AMPLITUDE]) * float(KINDS.scales[kind])
 
 
