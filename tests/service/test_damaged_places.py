@@ -123,9 +123,5 @@ def test_a_damaged_type_of_rows_does_not_end_the_reader() -> None:
     while place >= 0:
         content = content[: place + 1] + bytes([wrong]) + content[place + 2 :]
         place = content.find(b"\x19\x00\x00\x00\x10\x00\x00\x00")
-    try:
-        found = decode(content, HDF5, "", {}, LIMITS)
-    except Problem as problem:
-        assert problem.errors
-    else:
-        assert np.array_equal(found.recording["case_pressure_bar"], document()["channels"]["case_pressure_bar"])
+    found = decode(content, HDF5, "", {}, LIMITS)
+    assert np.array_equal(found.recording["case_pressure_bar"], document()["channels"]["case_pressure_bar"])
