@@ -2,6 +2,7 @@
 
 import io
 import struct
+import zlib
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
@@ -12,7 +13,7 @@ from service.errors import Problem
 from service.ingest.decode import DecodedRecord, Limits, decode
 from service.ingest.mdf4_format import parsed as mdf4_parsed
 from tests.service.records import METADATA, body, document
-from tests.service.test_formats import HDF5, MDF4, WRITERS
+from tests.service.test_formats import HDF5, MATLAB, MDF4, WRITERS
 from tests.service.test_unsorted_mdf4 import START, File, channel, groups, unsorted
 
 LIMITS = Limits(10_000_000, 1_000_000)
@@ -125,3 +126,18 @@ def test_a_damaged_type_of_rows_does_not_end_the_reader() -> None:
         place = content.find(b"\x19\x00\x00\x00\x10\x00\x00\x00")
     found = decode(content, HDF5, "", {}, LIMITS)
     assert np.array_equal(found.recording["case_pressure_bar"], document()["channels"]["case_pressure_bar"])
+
+
+def test_a_variable_of_matlab_that_has_no_end_is_refused_before_its_reader_ends() -> None:
+    """SciPy's reader ends the process where a compressed variable is cut inside, or shorter than it says."""
+    whole = struct.pack("<II", 14, 1352) + bytes(1352)
+    for inflated, is_cut in ((whole, True), (whole[:-8], False), (whole[:5], False)):
+        stream = zlib.compress(inflated)
+        stream = stream[:-6] if is_cut else stream
+        header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+        content = header + struct.pack("<II", 15, len(stream)) + stream
+        with pytest.raises(Problem) as refused:
+            decode(content, MATLAB, "", METADATA, LIMITS)
+        assert [f"{fault.where}: {fault.problem}" for fault in refused.value.errors] == [
+            "body: the variable at byte 128 is cut short"
+        ]
