@@ -141,3 +141,14 @@ def test_a_variable_of_matlab_that_has_no_end_is_refused_before_its_reader_ends(
         assert [f"{fault.where}: {fault.problem}" for fault in refused.value.errors] == [
             "body: the variable at byte 128 is cut short"
         ]
+
+
+def test_a_chain_of_mdf4_that_leads_to_another_kind_of_block_is_refused(record: DecodedRecord) -> None:
+    """The reader's library takes whatever stands there for the next block of the chain, for ever if that leads back."""
+    content = WRITERS["mdf4"][1](record)
+    history = struct.unpack_from("<Q", content, 64 + 24 + 8)[0]
+    changed = bytearray(content)
+    struct.pack_into("<Q", changed, 64 + 24, history)
+    with pytest.raises(Problem) as refused:
+        decode(bytes(changed), MDF4, "", METADATA, LIMITS)
+    assert [(f.where, f.problem) for f in refused.value.errors] == [(f"block at {history}", "is no ##DG block")]
