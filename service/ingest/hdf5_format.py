@@ -188,7 +188,7 @@ class _Reader:
             return Leaf(None, what="a table of a damaged type")
         readable = [name for name in item.dtype.names if not self._has_rows(item.dtype[name])]
         self._add(item.size * len(readable))
-        rows = item.fields(readable)[()] if readable else None
+        rows = np.asarray(item.fields(readable)[()]) if readable else np.empty(0)
         tree: Tree = {name: Leaf(None, what="rows of any length") for name in item.dtype.names}
         for name in readable:
             tree[name] = leaf_of(rows[name]) if item.size > 1 else Leaf(None, what="a single row")

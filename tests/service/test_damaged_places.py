@@ -152,3 +152,22 @@ def test_a_chain_of_mdf4_that_leads_to_another_kind_of_block_is_refused(record: 
     with pytest.raises(Problem) as refused:
         decode(bytes(changed), MDF4, "", METADATA, LIMITS)
     assert [(f.where, f.problem) for f in refused.value.errors] == [(f"block at {history}", "is no ##DG block")]
+
+
+@pytest.mark.parametrize("size", [0, 8, 256, 512])
+def test_a_heap_of_hdf5_whose_free_space_ends_early_is_refused(size: int) -> None:
+    """Behind it the library takes zeros for free space of no size, and steps on by nothing for ever."""
+    content = bytearray(hdf5_with_rows())
+    place = content.find(b"GCOL")
+    end = place + int.from_bytes(content[place + 8 : place + 16], "little")
+    at = place + 16
+    while at + 16 <= end:
+        index, held = struct.unpack_from("<H6xQ", content, at)
+        if index == 0:
+            break
+        at += 16 + (held + 7) // 8 * 8
+    assert struct.unpack_from("<Q", content, at + 8)[0] == end - at
+    struct.pack_into("<Q", content, at + 8, size)
+    with pytest.raises(Problem) as refused:
+        decode(bytes(content), HDF5, "", METADATA, LIMITS)
+    assert [(f.where, f.problem) for f in refused.value.errors] == [("body", f"heap at byte {place} runs in a circle")]
