@@ -178,9 +178,10 @@ class ParserPool:
                     if error.code == -signal.SIGKILL:
                         log.warning("a process that read a file was killed", file=request["path"])
                         continue
-                    if error.code == -signal.SIGABRT:  # a reader in C that finds no memory
-                        break
-                    fault = Fault("body", f"ended the process that read it ({error})")
+                    why = f"ended the process that read it ({error})"
+                    if error.code == -signal.SIGABRT:  # a reader in C finds no memory, or its own damaged
+                        why = f"is damaged, or needs more than {self._limits.memory_bytes} bytes of memory"
+                    fault = Fault("body", why)
                     raise Undecodable("the file cannot be read: its reader crashed on it", [fault]) from None
             raise self._too_much_memory(words)
         finally:
