@@ -11,7 +11,7 @@ import numpy as np
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
 from service.ingest.hdf5_heaps import check_heaps, longest_text
 from service.ingest.nested import MOST_TEXTS, NAMES_OF_ENTRIES, Leaf, Tree, by_name, leaf_of, matrix, tables_of
-from service.ingest.raw import Limits, RawFile, check_size, plain
+from service.ingest.raw import ForeignMetadata, Limits, RawFile, check_size, plain
 from service.ingest.time_words import is_time_name
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS
 
@@ -236,7 +236,7 @@ class _Reader:
         else:
             self.not_kept[name] = what
 
-    def _attributes(self, item: Any) -> dict[str, Any]:
+    def _attributes(self, item: Any) -> ForeignMetadata:
         found = {}
         for name in item.attrs:
             self._count(name)
