@@ -97,6 +97,7 @@ def test_numbers_are_said_in_the_readers_unit(ours: str, theirs: str) -> None:
         "records say F-1 bar LH, the registered installation says 7 K RH",
         "on 5 K and 6 bar at the same time",
         "the samples of flight 20 L/min again: one flight counts once",
+        "limit 0.5 bar/h, by 3 bar^2/Hz, about 2 L/min/bar",
         "noise of 0.5 bar/h and 3 bar^2/Hz, 2 L/min/bar",
         "case_pressure_bar holds no number at all: taken as not recorded",
     ],
