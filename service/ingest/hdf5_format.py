@@ -277,7 +277,7 @@ class _Reader:
         simple = (h5t.TypeIntegerID, h5t.TypeFloatID, h5t.TypeStringID, h5t.TypeEnumID)
         return item.attrs[name] if isinstance(item.attrs.get_id(name).get_type(), simple) else None
 
-    def _said(self, item: Any) -> dict[str, Any]:
+    def _said(self, item: Any) -> ForeignMetadata:
         """Attributes that say how a dataset is to be read."""
         found = ((name, self._attribute(item, name)) for name in item.attrs if name in _SAY_SOMETHING)
         return {name: value for name, value in found if value is not None}
