@@ -6,6 +6,7 @@ one of the words below and before the unit. A reading without such a word stays 
 
 import re
 from decimal import Decimal
+from functools import partial
 
 from service.units import UnitSystem
 
@@ -42,7 +43,7 @@ def in_units(text: str, system: UnitSystem) -> str:
     if not system.foreign:
         return text
     for unit, turn in _TURNS.items():
-        text = turn.sub(lambda found, unit=unit: _said(found, unit, system), text)
+        text = turn.sub(partial(_said, unit=unit, system=system), text)
     return text
 
 
