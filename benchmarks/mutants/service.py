@@ -136,7 +136,6 @@ MUTANTS: tuple[Mutant, ...] = (
     _own("service.reading.queries", "table"),
     _own("service.reading.agreement", "Pump"),
     _own("service.reading.exports", "Pump"),
-    _own("service.reading.fleet_trend", "Pump"),
     _own("service.registry.aircraft", "Aircraft"),
     _own("service.registry.csv_files", "Pump"),
     _own("service.alarms.reading", "Alarm"),
