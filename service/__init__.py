@@ -1,3 +1,3 @@
 """The casedrain service: ingest, storage, monitoring, HTTP API, pages and command line."""
 
-__version__ = "1.0.0"
+__version__ = "1.1.0"

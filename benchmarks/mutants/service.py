@@ -11,6 +11,7 @@ _TENANCY, _SIGN_IN, _PLACES = (
 )
 _UNITS, _LANGUAGE = ("tests.service.test_units",), ("tests.service.test_mapping_language",)
 _READER = ("tests.service.test_reader_units",)
+_SENTENCES = ("tests.service.test_reader_sentences",)
 _PAGES, _FORMS, _FLEET_PAGE, _CHANNELS = (
     ("tests.service.test_pages",),
     ("tests.service.test_alarm_pages",),
@@ -33,6 +34,16 @@ def _layers(fragment: str, replacement: str, select: str = "TestOrder and sqlite
 
 def _access(module: str, fragment: str, replacement: str, tests: tuple[str, ...], select: str = "sqlite") -> Mutant:
     return Mutant("access", module, fragment, replacement, tests, select)
+
+
+def _own(module: str, owner: str, asker: str = "principal") -> Mutant:
+    """A query that is not confined to the asker's operator any more."""
+    confined = f".where({owner}.operator == {asker}.operator)"
+    return Mutant("tenancy", module, confined, "", _TENANCY, "nothing_of and sqlite")
+
+
+def _sentence(fragment: str, replacement: str) -> Mutant:
+    return Mutant("pages", "service.reports.sentences", fragment, replacement, _SENTENCES)
 
 
 def _life(fragment: str, replacement: str) -> Mutant:
@@ -119,6 +130,31 @@ MUTANTS: tuple[Mutant, ...] = (
         "return self.installed_at < at and",
         _PLACES,
     ),
+    _own("service.reading.queries", "Record"),
+    _own("service.reading.queries", "Refusal"),
+    _own("service.reading.queries", "Pump"),
+    _own("service.reading.queries", "table"),
+    _own("service.reading.agreement", "Pump"),
+    _own("service.reading.exports", "Pump"),
+    _own("service.registry.aircraft", "Aircraft"),
+    _own("service.registry.csv_files", "Pump"),
+    _own("service.alarms.reading", "Alarm"),
+    _own("service.jobs.store", "Job"),
+    _own("service.access.audit", "AuditEntry"),
+    _own("service.registry.operators", "names.c", "asker"),
+    Mutant(
+        "tenancy",
+        "service.registry.operators",
+        'if asker.operator not in (None, operator):\n        raise Forbidden(f"the key',
+        'if False:\n        raise Forbidden(f"the key',
+        _TENANCY,
+        "nothing_of and sqlite",
+    ),
+    _sentence("exact = word in _PLAIN", "exact = False"),
+    _sentence("(?![\\w/^·*])", ""),
+    _sentence('if text.startswith("+") and', "if False and"),
+    _sentence("(_number(parts[end], unit, system, False) for", "(parts[end] for"),
+    _sentence('if unit == "L/min" else ""', 'if unit == "bar" else ""'),
     _life(">= rules.on_flights", "> rules.on_flights"),
     _life("{p.flight_id for p in rising}", "{p.record_id for p in rising}"),
     _life(">= rules.off_flights", "> rules.off_flights"),

@@ -98,7 +98,7 @@ class NoForecast:
 
 
 def forecast(
-    estimates: Sequence[LevelEstimate], limit: float, *, typical_life_hours: float = 2000.0
+    estimates: Sequence[LevelEstimate], limit: float, *, typical_life_hours: float = 2000.0, unit: str = ""
 ) -> Forecast | NoForecast:
     """Flight hours from the last estimate until the level crosses ``limit`` from below.
 
@@ -110,6 +110,8 @@ def forecast(
         The level that ends the pump's life [level's unit].
     typical_life_hours : float
         Flight hours that growth to the limit may take: sets the priors' scale, right to a factor of ten or so.
+    unit : str
+        The level's unit, as a reason says it; empty says none.
 
     Returns
     -------
@@ -134,7 +136,8 @@ def forecast(
     level = float(weight @ filters.level)
     above = float(weight @ ndtr((filters.level - limit) / np.sqrt(filters.p_ll)))
     if above > 0.5:
-        return NoForecast(f"the level, {level:.3g}, is already above the limit, {limit:.3g}")
+        said = f" {unit}" if unit else ""
+        return NoForecast(f"the level, {level:.3g}{said}, is already above the limit, {limit:.3g}{said}")
     if growing < DRIFT_PROBABILITY:
         return NoForecast(f"no growth is evident: its probability is {growing:.2f}, {DRIFT_PROBABILITY:g} is needed")
     return _passage(filters, weight, limit, typical_life_hours)

@@ -7,20 +7,64 @@ public key can verify it without this service; the entries of other operators ar
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import NotRequired, TypedDict, cast, final
 
 from sqlalchemy import exists, select
 from sqlalchemy.orm import Session
 
 from service.access.audit import DELETION, ERASED, EXPIRY
+from service.documents import JsonObject
 from service.storage.audit_anchor import Anchor
-from service.storage.audit_chain import HEAD_ID, Head, content_hash, content_of, first_link, head_of, link_hash
+from service.storage.audit_chain import (
+    HEAD_ID,
+    EntrySaid,
+    Head,
+    HeadSaid,
+    content_hash,
+    content_of,
+    first_link,
+    head_of,
+    link_hash,
+)
 from service.storage.database import Database
 from service.storage.tables import AuditEntry, AuditHead, AuditLink
 
 FORMAT = "casedrain audit proof 1"
 MOST_FAULTS = 100
 _BATCH = 1000
+
+
+@final
+class ProofHead(TypedDict):
+    """First line of a proof: whose entries it shows (None: everybody's), and the head that it ends at."""
+
+    format: str
+    operator: str | None
+    head: HeadSaid | None
+
+
+@final
+class ProofLink(TypedDict):
+    """A line of a proof: a link, and its entry where it is shown and still there."""
+
+    position: int
+    entry_id: int
+    content_hash: str
+    link: str
+    salt: str | None
+    content: EntrySaid | None
+    withheld: NotRequired[bool]
+
+
+class Verified(TypedDict):
+    """Findings as JSON."""
+
+    whole: bool
+    links: int
+    erased: int
+    withheld: int
+    head: HeadSaid | None
+    faults: list[str]
 
 
 @dataclass(slots=True)
@@ -42,7 +86,7 @@ class Findings:
         else:
             self.more += 1
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Verified:
         """As the command line says it."""
         return {
             "whole": not self.faults,
@@ -54,7 +98,7 @@ class Findings:
         }
 
 
-def stored_proof(session: Session, operator: str | None = None) -> Iterator[dict[str, Any]]:
+def stored_proof(session: Session, operator: str | None = None) -> Iterator[ProofHead | ProofLink]:
     """Lines of the stored log: head, then links; with ``operator`` the entries of all others are withheld.
 
     The session must be a snapshot.
@@ -69,16 +113,19 @@ def stored_proof(session: Session, operator: str | None = None) -> Iterator[dict
     )
     for link, joined in session.execute(query):
         entry: AuditEntry | None = joined
-        line: dict[str, Any] = {
+        line: ProofLink = {
             "position": link.position,
             "entry_id": link.entry_id,
             "content_hash": link.content_hash,
             "link": link.link,
+            "salt": None,
+            "content": None,
         }
         if entry is not None and operator in (None, entry.operator):
-            yield line | {"salt": entry.salt, "content": content_of(entry)}
-        else:
-            yield line | {"salt": None, "content": None} | ({"withheld": True} if operator is not None else {})
+            line["salt"], line["content"] = entry.salt, content_of(entry)
+        elif operator is not None:
+            line["withheld"] = True
+        yield line
 
 
 def verify_database(database: Database, public_key: str | None, anchors: Iterable[Anchor]) -> Findings:
@@ -102,11 +149,13 @@ def verify_database(database: Database, public_key: str | None, anchors: Iterabl
     return findings
 
 
-def verify(lines: Iterable[dict[str, Any]], public_key: str | None, anchors: Iterable[Anchor] = ()) -> Findings:
+def verify(
+    lines: Iterable[ProofHead | ProofLink | JsonObject], public_key: str | None, anchors: Iterable[Anchor] = ()
+) -> Findings:
     """Verify the lines of a proof; lines that are no proof are a fault like any other."""
     steps = iter(lines)
     try:
-        head = _head_in(next(steps, {}))
+        head = _head_in(cast("ProofHead", next(steps, {})))
     except (KeyError, TypeError, ValueError):
         findings = Findings(None)
         findings.add("this is no proof of an audit log, or its head was taken away")
@@ -119,7 +168,7 @@ def verify(lines: Iterable[dict[str, Any]], public_key: str | None, anchors: Ite
             )
     for line in steps:
         try:
-            walk.step(line)
+            walk.step(cast("ProofLink", line))
         except (KeyError, TypeError, ValueError):
             walk.findings.add(f"a line after link {walk.position} is none of a proof")
     walk.end(public_key)
@@ -138,7 +187,7 @@ class _Walk:
         self.gone: list[int] = []
         self.receipts: list[tuple[int, int]] = []
 
-    def step(self, line: dict[str, Any]) -> None:
+    def step(self, line: ProofLink) -> None:
         position, stored = int(line["position"]), str(line["link"])
         if position != self.position + 1:
             if position <= self.position:
@@ -159,7 +208,7 @@ class _Walk:
             self.findings.add(f"link {position} is not the one known of it: the log was written anew")
         self._entry(position, line)
 
-    def _entry(self, position: int, line: dict[str, Any]) -> None:
+    def _entry(self, position: int, line: ProofLink) -> None:
         content = line["content"]
         if line.get("withheld"):
             self.findings.withheld += 1
@@ -205,7 +254,9 @@ class _Walk:
             )
 
 
-def _head_in(line: dict[str, Any]) -> Head:
+def _head_in(line: ProofHead) -> Head:
     if line.get("format") != FORMAT:
         raise ValueError("no proof")
+    if line["head"] is None:
+        raise ValueError("no head")
     return Head(**line["head"])

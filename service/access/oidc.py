@@ -16,6 +16,7 @@ from joserfc import jwt
 from joserfc.errors import JoseError
 from joserfc.jwk import KeySet
 
+from service.documents import JsonObject
 from service.errors import Unauthenticated, Unavailable
 
 ALGORITHMS = ["RS256", "PS256", "ES256", "ES384", "EdDSA"]
@@ -49,7 +50,7 @@ class Issuer:
     def __init__(self, issuer: str, client_id: str, client_secret: str = "") -> None:
         self._issuer, self._client_id, self._client_secret = issuer.rstrip("/"), client_id, client_secret
         self._lock = threading.Lock()
-        self._known: tuple[float, dict[str, Any], KeySet] | None = None
+        self._known: tuple[float, JsonObject, KeySet] | None = None
 
     def asked(self, redirect_uri: str) -> Asked:
         """Where to send somebody who wants to sign in.
@@ -131,14 +132,14 @@ class Issuer:
             code_challenge_method="S256",
         )
 
-    def _discovered(self, *, anew: bool = False) -> tuple[dict[str, Any], KeySet]:
+    def _discovered(self, *, anew: bool = False) -> tuple[JsonObject, KeySet]:
         with self._lock:
             now = time.monotonic()
             if self._known is None or now - self._known[0] > _DISCOVERY_S or (anew and now - self._known[0] > 10.0):
                 self._known = (now, *self._looked_up())
             return self._known[1], self._known[2]
 
-    def _looked_up(self) -> tuple[dict[str, Any], KeySet]:
+    def _looked_up(self) -> tuple[JsonObject, KeySet]:
         try:
             with _session() as http:
                 document = http.got(f"{self._issuer}/.well-known/openid-configuration")

@@ -1,9 +1,9 @@
 """What an operator does about an alarm: acknowledge, shelve, close, plan, comment; checked, noted, and then followed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import TypedDict
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -15,10 +15,27 @@ from service.alarms.ledger import follow
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, COMMENT, PLAN, SHELVE, UNSHELVE
 from service.answers import alarms as answers
 from service.answers.words import instant
+from service.documents import JsonObject, RowValues
 from service.errors import Conflict, Fault, Invalid, Problem
 from service.storage.database import Database
 from service.storage.tables import Alarm, AlarmAction, Pump, StoredAssessment
 from service.thresholds.layers import thresholds_of
+
+
+class Plan(TypedDict):
+    """What is planned about an alarm: who works on it, by when, under which number of a work order."""
+
+    assignee: str | None
+    due_at: datetime | None
+    work_order: str | None
+
+
+class PartOfPlan(TypedDict, total=False):
+    """Parts of a plan that are to change."""
+
+    assignee: str | None
+    due_at: datetime | None
+    work_order: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +49,7 @@ class Wish:
     kind: str
     reason: str | None = None
     until: datetime | None = None
-    plan: Mapping[str, Any] = field(default_factory=dict)
+    plan: PartOfPlan = field(default_factory=PartOfPlan)
 
 
 def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) -> answers.Alarm:
@@ -59,6 +76,7 @@ def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) 
         _check_wish(wish, thresholds["alarm_shelving_maximum_h"], now)
         _check_state(row, wish, now)
         plan = _planned(row, wish)
+        planned: RowValues = {} if plan is None else {**plan}
         session.add(
             AlarmAction(
                 alarm_id=row.id,
@@ -67,7 +85,7 @@ def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) 
                 by=principal.owner,
                 reason=wish.reason,
                 until=wish.until,
-                **plan,
+                **planned,
                 onset_at=row.onset_at,
                 seen_at=_last_known(session, pump) or row.raised_at,
                 seen_state=row.verdict_state,
@@ -75,8 +93,8 @@ def handle(database: Database, principal: Principal, alarm_id: str, wish: Wish) 
                 done_at=now,
             )
         )
-        details = {"reason": wish.reason, "until": wish.until.isoformat() if wish.until else None}
-        if wish.kind == PLAN:
+        details: JsonObject = {"reason": wish.reason, "until": wish.until.isoformat() if wish.until else None}
+        if plan is not None:
             details |= {**plan, "due_at": instant(plan["due_at"])}
         audit.note(session, principal, f"alarm.{wish.kind}", f"alarm/{row.id}", pump.operator, details)
         follow(session, pump, thresholds)
@@ -103,19 +121,19 @@ def handle_many(
     return found
 
 
-def _planned(row: Alarm, wish: Wish) -> dict[str, Any]:
-    """The whole plan as it shall be; empty for what is no plan."""
+def _planned(row: Alarm, wish: Wish) -> Plan | None:
+    """The whole plan as it shall be; None for what is no plan."""
     if wish.kind != PLAN:
-        return {}
-    held: dict[str, Any] = {"assignee": row.assignee, "due_at": row.due_at, "work_order": row.work_order}
-    plan = {**held, **wish.plan}
+        return None
+    held: Plan = {"assignee": row.assignee, "due_at": row.due_at, "work_order": row.work_order}
+    plan = held | wish.plan
     if plan == held:
         raise Conflict("the alarm has that plan already", extra={"state": reading.state_of(row)})
     return plan
 
 
-def _plan_faults(plan: Mapping[str, Any], now: datetime) -> list[Fault]:
-    if not plan:
+def _plan_faults(plan: PartOfPlan, now: datetime) -> list[Fault]:
+    if not set(plan):
         return [Fault("body", "names none of assignee, due_at and work_order: nothing would change")]
     due = plan.get("due_at")
     return [Fault("body.due_at", "lies in the past")] if due is not None and due <= now else []

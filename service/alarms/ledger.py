@@ -14,6 +14,7 @@ from service.alarms.reading import shown
 from service.answers.alarms import AlarmEvent
 from service.answers.verdicts import Verdict
 from service.answers.words import instant
+from service.documents import RowValues
 from service.identity import release_number
 from service.notifications.outbox import Event, announce
 from service.storage.database import Database
@@ -225,7 +226,7 @@ _WATCHED = (
 )
 
 
-def _snapshot(row: Alarm) -> dict[str, Any]:
+def _snapshot(row: Alarm) -> RowValues:
     return {name: getattr(row, name) for name in _WATCHED}
 
 

@@ -1,10 +1,9 @@
 """Administration: keys, users, webhooks, operators, the audit log."""
 
-from typing import Any
-
 from typing_extensions import TypedDict
 
 from service.answers.words import Instant, shape
+from service.documents import JsonObject
 
 
 @shape
@@ -219,5 +218,5 @@ class AuditEntry(TypedDict):
     """What was done, for example `alarm.close`."""
     subject: str
     """To what, for example `alarm/5f3c`."""
-    details: dict[str, Any]
+    details: JsonObject
     """What the change said; each action has members of its own, in the units that their names end in."""

@@ -1,7 +1,7 @@
 """Jobs: what was asked for, how far it is, what became of each item."""
 
 from collections.abc import Mapping
-from typing import Any, NotRequired
+from typing import NotRequired
 
 from typing_extensions import TypedDict
 
@@ -9,6 +9,7 @@ from service.answers.alarms import AlarmChanges, AlarmOutline
 from service.answers.problems import Problem
 from service.answers.thresholds import FirstAlarm, JudgedFindings, PreviewTotals
 from service.answers.words import Instant, State, shape
+from service.documents import JsonObject
 
 
 @shape
@@ -67,7 +68,7 @@ class Job(TypedDict):
     """`queued`, `running`, `succeeded`, `failed` or `cancelled`."""
     progress: Progress
     """How far it is."""
-    parameters: dict[str, Any]
+    parameters: JsonObject
     """What it was asked to do; each kind has parameters of its own, in the units that their names end in."""
     result: JobResult | None
     """What it came to; null until then."""

@@ -11,6 +11,8 @@ from typing import Annotated, Any, Generic, TypeVar, overload
 from pydantic import ConfigDict, Field, with_config
 from typing_extensions import TypedDict
 
+from service.documents import JsonObject
+
 Shape = TypeVar("Shape", bound=type)
 Item = TypeVar("Item")
 
@@ -18,7 +20,7 @@ SHAPES: dict[str, type] = {}
 """Every declared shape by its name, which is its name in the API's document."""
 
 
-def _open(schema: dict[str, Any]) -> None:
+def _open(schema: JsonObject) -> None:
     # a later release may add fields: readers shall not refuse them
     schema.pop("additionalProperties", None)
 

@@ -2,7 +2,7 @@
 
 import random
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any, TypedDict, cast
 
 import httpx2
 
@@ -52,6 +52,14 @@ class Retries:
         return min(max(float(asked[:9]), wait if told else 0.0), _LONGEST_WAIT_S)
 
 
+class UploadRequest(TypedDict):
+    """Arguments of a POST."""
+
+    content: bytes
+    params: dict[str, str]
+    headers: dict[str, str]
+
+
 def upload_request(
     content: bytes,
     content_type: str,
@@ -59,7 +67,7 @@ def upload_request(
     metadata: Mapping[str, str] | None,
     mapping: str | None,
     file_name: str | None = None,
-) -> dict[str, Any]:
+) -> UploadRequest:
     """Arguments of the request that uploads."""
     params = dict(metadata or {})
     if not wait:

@@ -1,14 +1,15 @@
 """What ``casedrain analyse`` answers with, as a document and as a table."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypedDict, cast
 
 from service.command_line.console import say, shown
+from service.documents import JsonObject
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from service.answers.verdicts import Verdict
     from service.errors import Problem
     from service.studies.offline import AnalysedPump
 
@@ -25,13 +26,53 @@ _LONGEST_NAME = 60
 """Characters: at four bytes they leave room in the 255 of a file's name."""
 
 
-def analysed_pump(pump: "AnalysedPump") -> dict[str, Any]:
+class ResidualSaid(TypedDict):
+    """Measured minus the twin's, and its standard deviation [bar]."""
+
+    value: float
+    standard_deviation: float
+
+
+class FileSaid(TypedDict):
+    """A file of a pump: what it made of the state, its zero-flow window [s] or why there is none."""
+
+    file: str
+    state: str
+    zero_flow_s: list[float] | None
+    explanation: str | None
+    residuals: dict[str, ResidualSaid]
+
+
+class PumpSaid(TypedDict):
+    """A pump's answer; ``verdict`` holds some members of the API's."""
+
+    serial: str
+    verdict: JsonObject
+    files: list[FileSaid]
+
+
+class FaultSaid(TypedDict):
+    """A fault and its place."""
+
+    where: str
+    problem: str
+
+
+class RefusalSaid(TypedDict):
+    """A file that was not taken."""
+
+    file: str
+    detail: str
+    errors: list[FaultSaid]
+
+
+def analysed_pump(pump: "AnalysedPump") -> PumpSaid:
     """One pump's answer: its last verdict, and its files in their order in time; residuals in bar."""
     states = {a.record_id: a.verdict.state.value for a in pump.assessments}
-    files = []
+    files: list[FileSaid] = []
     for file in sorted(pump.files, key=lambda f: (f.observation.at, f.observation.record_id)):
         window = file.observation.reduction.zero_flow
-        residuals = {
+        residuals: dict[str, ResidualSaid] = {
             channel: {"value": float(r.residual), "standard_deviation": float(r.standard_deviation)}
             for channel, r in file.residuals.items()
         }
@@ -44,11 +85,11 @@ def analysed_pump(pump: "AnalysedPump") -> dict[str, Any]:
                 "residuals": residuals,
             }
         )
-    verdict: Mapping[str, Any] = pump.verdict
+    verdict: JsonObject = {**pump.verdict}
     return {"serial": pump.serial, "verdict": {name: verdict[name] for name in _SAID}, "files": files}
 
 
-def show_pump(answer: dict[str, Any], to: "Console") -> None:
+def show_pump(answer: PumpSaid, to: "Console") -> None:
     """Print a pump's answer as a table and its verdict in words."""
     from rich.table import Table  # noqa: PLC0415 - slow, and no help needs it
 
@@ -72,14 +113,14 @@ def show_pump(answer: dict[str, Any], to: "Console") -> None:
         say(f"What would tell: {verdict['resolving_measurement']}.", to=to)
     for flag in verdict["quality"]["flags"]:
         say(("flag", "yellow"), f" {flag}", to=to)
-    for remark in remarks(verdict):
+    for remark in remarks(cast("Verdict", verdict)):
         for sentence in remark.sentences:
             say(f"{remark.heading}: {sentence}.", to=to)
 
 
-def refusal(path: Path, problem: "Problem") -> dict[str, Any]:
+def refusal(path: Path, problem: "Problem") -> RefusalSaid:
     """A file that was not taken, and every fault of it."""
-    errors = [{"where": fault.where, "problem": fault.problem} for fault in problem.errors]
+    errors: list[FaultSaid] = [{"where": fault.where, "problem": fault.problem} for fault in problem.errors]
     return {"file": str(path), "detail": problem.detail, "errors": errors}
 
 

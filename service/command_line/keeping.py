@@ -43,12 +43,10 @@ def backup(
     with _refusals(), installation(Settings()) as kept:
         if removed is not None:
             forget_backup(kept, removed)
-        manifest: dict[str, Any] = {"removed": removed}
-        if place is not None:
-            manifest = make_backup(kept, place, with_gaps=with_gaps)
+        manifest = None if place is None else make_backup(kept, place, with_gaps=with_gaps)
     if json_:
-        say_json(manifest)
-    elif place is None:
+        say_json(manifest or {"removed": removed})
+    elif manifest is None:
         say(f"Receipts of deletions no longer name backup {removed}.")
     else:
         gaps = f", {len(manifest['gaps'])} raw files missing" if manifest["gaps"] else ""
@@ -251,7 +249,7 @@ def export_log(
         with _refusals(), installation(Settings()) as kept:
             with kept.database.snapshot() as session, partial.open("w", encoding="utf-8") as to:
                 for line in stored_proof(session, operator):
-                    head = line.get("head", head)
+                    head = line["head"] if "head" in line else head  # noqa: SIM401 - tells kinds of lines apart
                     to.write(json.dumps(line) + "\n")
                     n_lines += 1
             partial.replace(file)

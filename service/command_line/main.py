@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, TypedDict
 
 import typer
 
@@ -29,6 +29,9 @@ from service.command_line.pump import pump_app
 from service.command_line.studies import app as studies
 from service.command_line.twin_studies import app as twin_studies
 
+if TYPE_CHECKING:
+    from service.answers.records import Record
+
 app = typer.Typer(
     cls=Commands,
     no_args_is_help=True,
@@ -52,6 +55,16 @@ Files = Annotated[
 ]
 Url = Annotated[str, typer.Option(envvar="CASEDRAIN_URL", help="Where the service listens")]
 Key = Annotated[str | None, typer.Option(envvar="CASEDRAIN_KEY", help="API key")]
+
+
+class Uploaded(TypedDict):
+    """What became of a file that was sent: the service's answer, or in a sentence why it was refused."""
+
+    file: str
+    answer: "Record | None"
+    refusal: str | None
+
+
 _UPLOAD_RETRIES = 12
 """Some four minutes of a service that is away: a restart of its database, an upgrade."""
 _NOT_THE_FILE = (401, 403, 429, 500, 502, 503, 504, 507)
@@ -210,7 +223,7 @@ def upload(
     if missing:
         raise failure(f"no flight records at {', '.join(missing)}; nothing was uploaded", 2)
     n_refused = 0
-    rows: list[dict[str, Any]] = []
+    rows: list[Uploaded] = []
     to = listener(json_)
     with Client(url, key, retries=_UPLOAD_RETRIES, needs_answer=True) as client:
         try:
@@ -360,7 +373,7 @@ def analyse(
         picture = folder / f"{safe_name(pump.serial)}-damage-identification-curve.svg"
         picture.write_text(curve_svg(pump.curve, f"pump {pump.serial}"), encoding="utf-8")
         say(f"Picture: {picture}", to=to)
-        answers.append(answer | {"picture": str(picture)})
+        answers.append({**answer, "picture": str(picture)})
     if json_:
         say_json({"pumps": answers, "refused": [refusal(path, problem) for path, problem in found.refused]})
     if found.refused:

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -43,7 +43,7 @@ def map_file(
 
     settings = Settings()
     limits = Limits(settings.max_inflated_bytes, settings.max_rows)
-    named: dict[str, Any] = dict(set_values(set_))
+    named: dict[str, object] = dict(set_values(set_))
     kind = content_type_of(file)
     try:
         content = file.read_bytes()

@@ -4,9 +4,9 @@ import contextlib
 import socket
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import uvicorn
 from rich.console import Console
@@ -90,9 +90,23 @@ def operator_of(n_flights: int, seed: int) -> str:
     return f"demo-{seed}-{n_flights}-{package_hash('twin')[:6]}"
 
 
-def compared(client: Client, operator: str) -> list[dict[str, Any]]:
+class Compared(TypedDict):
+    """A pump's verdict beside its truth in words; the probability is that of the verdict's state (a share, 0 to 1)."""
+
+    serial: str
+    aircraft: str
+    position: str
+    truth: str
+    state: str
+    candidates: list[str]
+    side: str
+    probability: float
+    agrees: bool
+
+
+def compared(client: Client, operator: str) -> list[Compared]:
     """Every pump's verdict beside the truth; a pump agrees when its verdict is right for what it is."""
-    rows: list[dict[str, Any]] = []
+    rows: list[Compared] = []
     for pump in PUMPS:
         verdict = client.verdict(pump.serial, operator)
         rows.append(
@@ -111,12 +125,12 @@ def compared(client: Client, operator: str) -> list[dict[str, Any]]:
     return rows
 
 
-def is_good(rows: Sequence[Mapping[str, Any]]) -> bool:
+def is_good(rows: Sequence[Compared]) -> bool:
     """True when no healthy pump is accused and all others are right."""
     return all(row["agrees"] for row in rows)
 
 
-def table_of(rows: Sequence[Mapping[str, Any]]) -> Table:
+def table_of(rows: Sequence[Compared]) -> Table:
     """Verdicts beside the truth as a table."""
     table = Table(title="Verdicts beside the truth")
     for heading in ("pump", "where", "truth", "verdict", "side", "probability", "agrees"):

@@ -11,6 +11,8 @@ from sqlalchemy.orm import Session
 from detectors.judgement.version import twin_version
 from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Mark, Observation
+from service.answers.records import StoredReduction
+from service.documents import JsonObject
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, marked_key, observation_at
 from service.history.archive import Archive
 from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, misdated, names_alike, remarks_on
@@ -81,7 +83,8 @@ class Knowledge:
         def read(ids: Sequence[str]) -> Mapping[str, Observation]:
             at_hand = {**self.incoming, **self.anew}
             documents = {i: at_hand[i].reduction for i in ids if i in at_hand}
-            documents |= _reductions(session, [i for i in ids if i not in at_hand])
+            stored = _reductions(session, [i for i in ids if i not in at_hand])
+            documents |= {i: document for i, document in stored.items() if document is not None}
             found = {i: observation_at(outlines[i], documents[i], self.flight_hours.get(i)) for i in ids}
             again = {
                 i: replace(o, reduction=without_evidence(o.reduction)) for i, o in found.items() if i in self.copies
@@ -246,9 +249,9 @@ def _counting(
     return Record.pump_id == pump_id, counts, Record.id != (incoming.supersedes or "")
 
 
-def _reductions(session: Session, ids: Sequence[str]) -> dict[str, Any]:
+def _reductions(session: Session, ids: Sequence[str]) -> dict[str, StoredReduction | None]:
     """Stored reductions of records, as JSON objects."""
-    found: dict[str, Any] = {}
+    found: dict[str, StoredReduction | None] = {}
     for start in range(0, len(ids), _MOST_IDS):
         query = select(Record.id, Record.reduction).where(Record.id.in_(ids[start : start + _MOST_IDS]))
         found |= {row.id: row.reduction for row in session.execute(query)}
@@ -317,7 +320,7 @@ def intervals_of(found: Iterable[Installation]) -> list[Interval]:
 
 def registry_values(
     session: Session, operator: str, kind: str, name: str, known_at: datetime | None = None
-) -> dict[str, Any]:
+) -> JsonObject:
     """What the registry says of a pump or an aircraft; empty where nobody has said anything."""
     query = select(RegistryVersion.values).where(
         RegistryVersion.operator == operator, RegistryVersion.kind == kind, RegistryVersion.name == name

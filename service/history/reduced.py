@@ -5,12 +5,13 @@ What this module imports is the code that a stored reduction was made by: ``sour
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from detectors.expectation.residuals import window_residuals
 from detectors.reduction.recording import reduce_recording
 from detectors.words.observation import Mark, Window, WindowKind
 from service.answers.records import StoredReduction
+from service.documents import JsonObject
 from service.history.codec import reduction_to_json, residuals_to_json
 from twin.parameters import Circuit, PumpType
 from twin.recording import Recording
@@ -21,7 +22,7 @@ class Reduced(NamedTuple):
     """A reduction and the residuals of its windows by number, as JSON objects."""
 
     reduction: StoredReduction
-    residuals: dict[str, Any]
+    residuals: JsonObject
 
 
 def reduced(

@@ -8,6 +8,7 @@ from typing import Any
 
 import fsspec
 
+from service.documents import JsonObject
 from service.ingest.file_formats import SUFFIXES
 
 DONE, REFUSED, HIDDEN = "done", "refused", "."
@@ -75,7 +76,7 @@ class Place:
             self._files.invalidate_cache()
         if not self._files.isdir(self.root):
             raise FileNotFoundError(f"there is no folder {self.root}")
-        found: dict[str, dict[str, Any]] = self._files.find(self.root, detail=True)
+        found: dict[str, JsonObject] = self._files.find(self.root, detail=True)
         states: dict[str, str] = {}
         empty, passed_over, names = [], [], set()
         for path, about in sorted(found.items()):
@@ -136,7 +137,7 @@ def target_of(name: str, folder: str, digest: str, taken: bool) -> str:
     return str(PurePosixPath(folder) / path.parent / called)
 
 
-def _state(about: dict[str, Any]) -> str:
+def _state(about: JsonObject) -> str:
     time = next((about[name] for name in _TIMES if about.get(name)), "")
     # a store may list numbers and tell instants
     time = time.timestamp() if isinstance(time, datetime) else time

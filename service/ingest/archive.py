@@ -7,12 +7,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, cast
 
 import numpy as np
 
 from service.errors import Fault, Invalid, Problem, TooLarge, Undecodable, UnknownType
-from service.ingest.archive_index import PLACES, ZIP_MAGIC, write_index
+from service.ingest.archive_index import PLACES, ZIP_MAGIC, LineFound, MemberFound, write_index
 from service.ingest.file_formats import ANY_TYPE
 
 ZIP_TYPES = ("application/zip", "application/x-zip-compressed")
@@ -69,11 +69,11 @@ class Archive(ABC):
         self._index.close()
         self._folder.cleanup()
 
-    def _entry(self, position: int) -> dict[str, Any]:
+    def _written(self, position: int) -> bytes:
+        """The index's entry of a member, as JSON."""
         start, end = (int(place) for place in self._places[position : position + 2])
         self._index.seek(start)
-        entry: dict[str, Any] = json.loads(self._index.read(end - start))
-        return entry
+        return self._index.read(end - start)
 
 
 def archive_kind(content_type: str, head: bytes) -> str:
@@ -132,8 +132,10 @@ def indexed_archive(path: Path, kind: str, folder: tempfile.TemporaryDirectory[s
 
 class _Zip(Archive):
     def name(self, position: int) -> str:
-        name: str = self._entry(position)["name"]
-        return name
+        return self._entry(position)["name"]
+
+    def _entry(self, position: int) -> MemberFound:
+        return cast("MemberFound", json.loads(self._written(position)))
 
     def member(self, position: int) -> Member:
         entry = self._entry(position)
@@ -163,7 +165,7 @@ class _Zip(Archive):
             what = f"{type(error).__name__}: {error}"[:200]
             raise Undecodable("the member is damaged", [Fault(entry["name"], what)]) from None
 
-    def _unpacked(self, entry: dict[str, Any]) -> IO[bytes]:
+    def _unpacked(self, entry: MemberFound) -> IO[bytes]:
         """A member as a file: what the library reads after it has found an entry, without reading the directory again."""
         self._file.seek(entry["offset"])
         head = self._file.read(_LOCAL_HEADER)
@@ -181,6 +183,9 @@ class _Lines(Archive):
 
     def name(self, position: int) -> str:
         return f"line {self._entry(position)['number']}"
+
+    def _entry(self, position: int) -> LineFound:
+        return cast("LineFound", json.loads(self._written(position)))
 
     def member(self, position: int) -> Member:
         if self._entry(position)["size"] > self._most_bytes:

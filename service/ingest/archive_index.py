@@ -11,7 +11,7 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -32,6 +32,28 @@ _LINE_END = 10
 _ARCHIVES = (".zip", ".tar", ".tgz", ".7z", ".rar", ".xz", ".bz2", ".zst")
 
 
+class MemberFound(TypedDict):
+    """A member of a ZIP file as its directory says it: sizes and places in bytes; ``fault`` where it may not be read."""
+
+    name: str
+    type: str
+    fault: str | None
+    offset: int
+    packed: int
+    size: int
+    method: int
+    flags: int
+    sum: int
+
+
+class LineFound(TypedDict):
+    """A line that is not blank: its number from 1, where it begins and how long it is [bytes]."""
+
+    number: int
+    offset: int
+    size: int
+
+
 def write_index(path: Path, kind: str, output: Path) -> int:
     """Write the index of an upload, stopped at the limit: the number of its members.
 
@@ -40,7 +62,7 @@ def write_index(path: Path, kind: str, output: Path) -> int:
     Undecodable, TooLarge
         when it is damaged, empty or holds too many.
     """
-    entries = _of_zip(path) if kind == "zip" else _of_lines(path)
+    entries: Iterable[MemberFound | LineFound] = _of_zip(path) if kind == "zip" else _of_lines(path)
     places = [0]
     with output.open("wb") as index:
         for entry in entries:
@@ -57,7 +79,7 @@ def write_index(path: Path, kind: str, output: Path) -> int:
 _WORDS = {"zip": "members", "ndjson": "lines"}
 
 
-def _of_zip(path: Path) -> Iterable[dict[str, Any]]:
+def _of_zip(path: Path) -> Iterator[MemberFound]:
     _check_directory(path)
     try:
         with zipfile.ZipFile(path) as file:
@@ -137,7 +159,7 @@ def _overlapping(members: Sequence[zipfile.ZipInfo]) -> set[int]:
     return found
 
 
-def _of_lines(path: Path) -> Iterator[dict[str, Any]]:
+def _of_lines(path: Path) -> Iterator[LineFound]:
     """Number, start and length of every line, found in parts: a line may be as long as the file; blank ones do not count."""
     start = place = 0
     number, is_blank = 1, True

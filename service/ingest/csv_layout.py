@@ -4,12 +4,11 @@ import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from service.errors import Fault, TooLarge, Undecodable
 from service.ingest.csv_text import CUT, as_utf8, fields_of
 from service.ingest.csv_words import KNOWN_CHANNELS, Words
-from service.ingest.raw import MOST_METADATA, TextDialect
+from service.ingest.raw import MOST_METADATA, ForeignMetadata, TextDialect
 
 _DELIMITERS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+\s*")
@@ -45,7 +44,7 @@ class Layout:
         What was mended.
     """
 
-    metadata: dict[str, Any]
+    metadata: ForeignMetadata
     names: list[str]
     units: dict[str, str]
     content: bytes
@@ -149,9 +148,9 @@ def _is_open(text: str, delimiter: str) -> bool:
     return False
 
 
-def _preamble(content: bytes, dialect: TextDialect) -> tuple[dict[str, Any], _Line | None, dict[int, str]]:
+def _preamble(content: bytes, dialect: TextDialect) -> tuple[ForeignMetadata, _Line | None, dict[int, str]]:
     """Metadata before the header, its line (or the first row's, where there is none), and comments by line number."""
-    metadata: dict[str, Any] = {}
+    metadata: ForeignMetadata = {}
     comments: dict[int, str] = {}
     for n, line in enumerate(_lines(content)):
         if n == _MOST_BEFORE_THE_HEADER:
@@ -170,7 +169,7 @@ def _preamble(content: bytes, dialect: TextDialect) -> tuple[dict[str, Any], _Li
     return metadata, None, comments
 
 
-def _note(metadata: dict[str, Any], text: str, dialect: TextDialect, is_comment: bool) -> None:
+def _note(metadata: ForeignMetadata, text: str, dialect: TextDialect, is_comment: bool) -> None:
     key, mark, value = text.partition(":")
     if not is_comment and (not mark or dialect.delimiter in key):
         cells = [cell for cell in fields_of(text, dialect.delimiter) if cell]

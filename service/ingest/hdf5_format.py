@@ -11,7 +11,7 @@ import numpy as np
 from service.errors import Fault, TooLarge, Undecodable, UnknownType
 from service.ingest.hdf5_heaps import check_heaps, longest_text
 from service.ingest.nested import MOST_TEXTS, NAMES_OF_ENTRIES, Leaf, Tree, by_name, leaf_of, matrix, tables_of
-from service.ingest.raw import Limits, RawFile, check_size, plain
+from service.ingest.raw import ForeignMetadata, Limits, RawFile, check_size, plain
 from service.ingest.time_words import is_time_name
 from twin.recording import OPTIONAL_CHANNELS, REQUIRED_CHANNELS
 
@@ -258,7 +258,7 @@ class _Reader:
         else:
             self.not_kept[name] = what
 
-    def _attributes(self, item: Any) -> dict[str, Any]:
+    def _attributes(self, item: Any) -> ForeignMetadata:
         found = {}
         for name in item.attrs:
             self._count(name)
@@ -277,7 +277,7 @@ class _Reader:
         simple = (h5t.TypeIntegerID, h5t.TypeFloatID, h5t.TypeStringID, h5t.TypeEnumID)
         return item.attrs[name] if isinstance(item.attrs.get_id(name).get_type(), simple) else None
 
-    def _said(self, item: Any) -> dict[str, Any]:
+    def _said(self, item: Any) -> ForeignMetadata:
         """Attributes that say how a dataset is to be read."""
         found = ((name, self._attribute(item, name)) for name in item.attrs if name in _SAY_SOMETHING)
         return {name: value for name, value in found if value is not None}

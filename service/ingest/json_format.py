@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from service.documents import JsonObject
 from service.errors import Fault, TooLarge, Undecodable
 from service.ingest.csv_words import KNOWN_CHANNELS, MISSING
 from service.ingest.raw import (
@@ -97,7 +98,7 @@ def _loaded(content: bytes) -> Any:
             gc.enable()
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique(pairs: list[tuple[str, Any]]) -> JsonObject:
     found = dict(pairs)
     if len(found) < len(pairs):
         found[_REPEATED] = sorted(name for name, n in Counter(name for name, _ in pairs).items() if n > 1)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from service.ingest.file_units import in_own_units, unit_of_file
 from service.ingest.formulas import Formula
 from service.ingest.mapped_time import with_time
 from service.ingest.mapping import ChannelMapping, ChannelRule
-from service.ingest.raw import RawFile, RawRecord, Samples, Table
+from service.ingest.raw import ForeignMetadata, RawFile, RawRecord, Samples, Table
 from service.ingest.time_base import on_one_base
 from twin.recording import REQUIRED_CHANNELS, TIME
 
@@ -211,14 +210,14 @@ def _from_start(tables: Sequence[Table]) -> tuple[Table, ...]:
     return tuple(replace(t, channels={n: v - first if n == TIME else v for n, v in t.channels.items()}) for t in tables)
 
 
-def _metadata(file: RawFile, mapping: ChannelMapping, account: Account) -> dict[str, Any]:
+def _metadata(file: RawFile, mapping: ChannelMapping, account: Account) -> ForeignMetadata:
     """Metadata under our names; those of a group by ``group.name``, or by name alone where no other group has it."""
-    of_groups: dict[str, Any] = {}
+    of_groups: ForeignMetadata = {}
     for table in file.tables:
         for name, value in table.attributes.items():
             of_groups.setdefault(name, value)
             of_groups[f"{table.name}.{name}"] = value
-    found: dict[str, Any] = dict(mapping.defaults)
+    found: ForeignMetadata = dict(mapping.defaults)
     for name, value in file.metadata.items():
         found[mapping.metadata.get(name, name)] = value
     for foreign, ours in mapping.metadata.items():

@@ -11,7 +11,7 @@ import numpy as np
 from service.errors import Fault
 from service.ingest.instants import Instants, instants_of
 from service.ingest.mapping import TimeRule
-from service.ingest.raw import RawFile, Samples, Table
+from service.ingest.raw import ForeignMetadata, RawFile, Samples, Table
 from service.ingest.zones import zone_of
 from twin.recording import TIME
 
@@ -83,7 +83,7 @@ def _written(instant: datetime) -> str:
     return instant.isoformat().replace("+00:00", "Z")
 
 
-def _told(metadata: dict[str, Any], start: datetime, flags: list[str]) -> None:
+def _told(metadata: ForeignMetadata, start: datetime, flags: list[str]) -> None:
     """The first instant is the start; what the file says otherwise is told."""
     said = metadata.get("started_at")
     metadata["started_at"] = _written(start)
@@ -95,7 +95,7 @@ def _told(metadata: dict[str, Any], start: datetime, flags: list[str]) -> None:
         flags.append(f"the file says that it starts at {str(said)[:40]}, its instants begin at {_written(start)}")
 
 
-def _dated(metadata: dict[str, Any], rule: TimeRule, first: float) -> None:
+def _dated(metadata: ForeignMetadata, rule: TimeRule, first: float) -> None:
     """A start that is a date alone, completed by the first time of day."""
     said = str(metadata.get("started_at", ""))
     if rule.zone is None or len(said) != _DATE:

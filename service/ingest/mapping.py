@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from pydantic.config import JsonDict
 
 from service.bodies import Body
+from service.documents import JsonObject
 from service.ingest.conversion import Conversion, conversion
 from service.ingest.csv_rule import CsvRule
 from service.ingest.file_names import NamePattern
@@ -223,7 +224,7 @@ class ChannelMapping(Body):
         """Pattern of the file's name, where metadata come from it."""
         return None if self.file_name is None else self.file_name.made
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> JsonObject:
         """The mapping as it is stored: what came after the first release only where it says something.
 
         So the identity of records that were uploaded through an older mapping stays what it was.
@@ -236,7 +237,7 @@ class ChannelMapping(Body):
         return shown
 
 
-def _later(model: type[Body], first: tuple[str, ...]) -> dict[str, Any]:
+def _later(model: type[Body], first: tuple[str, ...]) -> JsonObject:
     """Fields that came after the first release, and their defaults as JSON."""
     made = {name: field.get_default(call_default_factory=True) for name, field in model.model_fields.items()}
     return {n: list(v) if isinstance(v, tuple) else v for n, v in made.items() if n not in first}
@@ -247,7 +248,7 @@ _LATER_OF_A_CHANNEL = _later(ChannelRule, ("source", "channel", "unit", "scale",
 _LATER_OF_CSV = _later(CsvRule, ("delimiter", "decimal", "encoding"))
 
 
-def _without(full: Mapping[str, Any], later: Mapping[str, Any]) -> dict[str, Any]:
+def _without(full: Mapping[str, Any], later: Mapping[str, Any]) -> JsonObject:
     return {name: value for name, value in full.items() if name not in later or value != later[name]}
 
 

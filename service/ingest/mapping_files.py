@@ -4,10 +4,10 @@ import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
+from service.documents import JsonObject
 from service.ingest.mapping import ChannelMapping
 
 ABOUT = ("name", "description", "aircraft_type")
@@ -20,10 +20,10 @@ class MappingFile:
     """A mapping with what its file says about it."""
 
     name: str
-    about: dict[str, Any]
+    about: JsonObject
     mapping: ChannelMapping
 
-    def body(self) -> dict[str, Any]:
+    def body(self) -> JsonObject:
         """Body of ``POST /mappings``."""
         return {"name": self.name, **self.about, **self.mapping.document()}
 

@@ -1,9 +1,20 @@
 """A stored version of a mapping, as uploads name it and as records remember it."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
+from typing_extensions import TypedDict
+
+from service.documents import JsonObject
 from service.ingest.mapping import ChannelMapping
+
+
+class MappingVersionSaid(TypedDict):
+    """A version as JSON; ``document`` as ``ChannelMapping.document`` gives it."""
+
+    name: str
+    version: int
+    document: JsonObject
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,11 +25,11 @@ class MappingVersion:
     version: int
     mapping: ChannelMapping
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> MappingVersionSaid:
         """As it is stored with a record."""
         return {"name": self.name, "version": self.version, "document": self.mapping.document()}
 
     @classmethod
-    def from_json(cls, document: dict[str, Any]) -> Self:
+    def from_json(cls, document: MappingVersionSaid) -> Self:
         """Inverse of ``to_json``."""
         return cls(document["name"], document["version"], ChannelMapping.model_validate(document["document"]))

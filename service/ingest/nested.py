@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from service.ingest.raw import RawFile, Samples, Table, plain
+from service.ingest.raw import ForeignMetadata, RawFile, Samples, Table, plain
 from service.ingest.time_words import TimesAndStart, clock_in, instant, is_time_name
 from twin.recording import TIME
 
@@ -104,7 +104,7 @@ def _walk(group: Tree, path: str, enclosing: TimesAndStart | None, found: _Found
     times: dict[str, Samples] = {}
     units: dict[str, str] = {}
     children: dict[str, Tree] = {}
-    attributes: dict[str, Any] = {}
+    attributes: ForeignMetadata = {}
     own_starts: dict[str, TimesAndStart] = {}
     for name, item in group.items():
         series = _series(item) if isinstance(item, dict) else None

@@ -14,7 +14,7 @@ import numpy as np
 
 from service.errors import Fault, Undecodable, UnknownType
 from service.ingest.nested import MOST_TEXTS
-from service.ingest.raw import Limits, RawFile, Samples, Table, check_size
+from service.ingest.raw import ForeignMetadata, Limits, RawFile, Samples, Table, check_size
 from service.ingest.time_words import clock_in, clock_of_instants, is_time_name, texts_of_instants
 from twin.recording import TIME
 
@@ -91,7 +91,7 @@ class _Reader:
                 units[entry.name] = stated.decode(errors="replace").strip()
         return dict(zip(table.column_names, table.columns, strict=True)), units
 
-    def _nested(self, columns: Columns, units: dict[str, str], metadata: dict[str, Any]) -> list[Table]:
+    def _nested(self, columns: Columns, units: dict[str, str], metadata: ForeignMetadata) -> list[Table]:
         """Tables of a file of one row: lists by the struct that holds them, each list of structs a table."""
         groups: dict[str, Columns] = {}
         for path, column in columns.items():

@@ -9,11 +9,12 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 import numpy as np
 import structlog
@@ -26,6 +27,16 @@ from service.access.turns import Gate
 from service.errors import Fault, Problem, TooLarge, Unavailable, Undecodable
 from service.ingest.archive import INDEX, Archive, indexed_archive
 from service.ingest.raw import Limits, RawFile, Samples, Table, TextDialect
+from service.ingest.worker_words import (
+    Answer,
+    ArchiveAsked,
+    Column,
+    FileAsked,
+    FileSaid,
+    IndexSaid,
+    LimitsSaid,
+    Refused,
+)
 
 _PACKAGE_ROOT = str(Path(__file__).resolve().parent.parent.parent)
 _QUIET = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "2"}
@@ -102,23 +113,32 @@ class ParserPool:
         TooMany, Unavailable
             when too many wait, or for too long; the latter also when no process can be started.
         """
-        request = {
+        request: FileAsked = {
             "path": str(path),
+            "memory_bytes": self._limits.memory_bytes,
+            "output": "",
             "content_type": content_type,
             "content_encoding": content_encoding,
-            "limits": asdict(limits),
+            "limits": cast("LimitsSaid", asdict(limits)),
             "dialect": asdict(dialect) if dialect else None,
             "with_texts": with_texts,
         }
         with self._temporary() as folder:
             output = Path(folder) / "channels.f64"
-            return _taken_over(self._answer(request, output, _FILE), output)
+            request["output"] = str(output)
+            return _taken_over(cast("FileSaid", self._answer(request, _FILE)), output)
 
     def opened(self, path: Path, kind: str, most_bytes: int) -> Archive:
         """An upload of many records with its index, as ``service.ingest.archive.opened_archive``; raises as ``parsed``."""
         folder = self._temporary()
         try:
-            self._answer({"path": str(path), "archive": kind}, Path(folder.name) / INDEX, _ARCHIVE)
+            request: ArchiveAsked = {
+                "path": str(path),
+                "memory_bytes": self._limits.memory_bytes,
+                "output": str(Path(folder.name) / INDEX),
+                "archive": kind,
+            }
+            self._answer(request, _ARCHIVE)
             return indexed_archive(path, kind, folder, most_bytes)
         except BaseException:
             folder.cleanup()
@@ -128,24 +148,24 @@ class ParserPool:
         self._folder.mkdir(parents=True, exist_ok=True)
         return tempfile.TemporaryDirectory(dir=self._folder, prefix="parsed-")
 
-    def _answer(self, request: dict[str, Any], output: Path, words: tuple[str, str]) -> dict[str, Any]:
+    def _answer(self, request: FileAsked | ArchiveAsked, words: tuple[str, str]) -> FileSaid | IndexSaid:
         account = current_account()
-        limits = {"output": str(output), "memory_bytes": self._limits.memory_bytes}
         with _tracer.start_as_current_span("parse"), self._gate.entered(account):
             began = time.monotonic()
             try:
-                answer = self._asked({**request, **limits}, words)
+                answer = self._asked(request, words)
             finally:
                 seconds = time.monotonic() - began
                 account.parser_seconds += seconds
                 _SECONDS.observe(seconds)
-        if answer.get("memory"):
+        if "problem" not in answer:
+            return answer
+        refused = cast("Refused", answer)
+        if refused.get("memory"):
             raise self._too_much_memory(words)
-        if "problem" in answer:
-            faults = [Fault(where, problem) for where, problem in answer["errors"]]
-            kind: type[Problem] = getattr(errors, answer["problem"])
-            raise kind(answer["detail"], faults)
-        return answer
+        faults = [Fault(where, problem) for where, problem in refused["errors"]]
+        kind: type[Problem] = getattr(errors, refused["problem"])
+        raise kind(refused["detail"], faults)
 
     @property
     def waiting(self) -> int:
@@ -162,7 +182,7 @@ class ParserPool:
             if worker is not None:
                 worker.kill()
 
-    def _asked(self, request: dict[str, Any], words: tuple[str, str]) -> dict[str, Any]:
+    def _asked(self, request: FileAsked | ArchiveAsked, words: tuple[str, str]) -> Answer:
         worker = self._places.get()
         try:
             for _ in range(_KILLS):
@@ -228,7 +248,7 @@ class _Worker:
     def is_alive(self) -> bool:
         return self._process.poll() is None
 
-    def ask(self, request: dict[str, Any], seconds: float) -> dict[str, Any]:
+    def ask(self, request: FileAsked | ArchiveAsked, seconds: float) -> Answer:
         stdin = self._process.stdin
         if stdin is None:
             raise RuntimeError("the worker was started without a pipe")
@@ -238,7 +258,7 @@ class _Worker:
         except OSError:
             self.kill()
             raise _DiedError(self._process.returncode) from None
-        answer: dict[str, Any] = json.loads(self._line(seconds))
+        answer: Answer = json.loads(self._line(seconds))
         return answer
 
     def kill(self) -> None:
@@ -296,10 +316,10 @@ def _in_place_of(dead: _Worker | None) -> _Worker:
         raise Unavailable("no process to read files can be started: nothing was changed, send it again") from None
 
 
-def _taken_over(answer: dict[str, Any], output: Path) -> RawFile:
+def _taken_over(answer: FileSaid, output: Path) -> RawFile:
     with output.open("rb") as numbers:
 
-        def taken(columns: list[Any]) -> dict[str, Samples]:
+        def taken(columns: Sequence[Column]) -> dict[str, Samples]:
             found = {name: np.fromfile(numbers, dtype=np.float64, count=length) for name, length in columns}
             if any(len(found[name]) != length for name, length in columns):
                 raise Problem(

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from service.errors import Fault, TooLarge
 
 Samples = NDArray[np.float64]
+ForeignMetadata = dict[str, Any]
+"""Names and values as a file gives them, or somebody beside it: numbers, texts and what readers make of the rest."""
 
 METADATA = (
     "pump_serial",
@@ -130,7 +132,7 @@ class Table:
     start: datetime | None = None
     times: dict[str, Samples] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
-    attributes: dict[str, Any] = field(default_factory=dict)
+    attributes: ForeignMetadata = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +155,7 @@ class RawFile:
         ``gauge`` or ``absolute`` for those pressure channels whose reference is not the record's; a mapping says so.
     """
 
-    metadata: dict[str, Any]
+    metadata: ForeignMetadata
     tables: tuple[Table, ...] = ()
     faults: list[Fault] = field(default_factory=list)
     not_kept: dict[str, str] = field(default_factory=dict)
@@ -179,7 +181,7 @@ class RawRecord:
         As in ``RawFile``.
     """
 
-    metadata: dict[str, Any]
+    metadata: ForeignMetadata
     channels: dict[str, Samples]
     faults: list[Fault] = field(default_factory=list)
     references: Mapping[str, str] = field(default_factory=dict)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -24,6 +24,28 @@ _EARLIEST, _LATEST = 6.3e8, 4.1e9
 """1990 and 2099 in seconds from 1970."""
 
 
+class TimeColumns(TypedDict, total=False):
+    """A mapping's rule for instants, as far as it was found: columns, and how they are read."""
+
+    source: str
+    date: str
+    time: str
+    offset: str
+    format: str
+    zone: str
+    day_first: bool
+
+
+class ChannelFound(TypedDict, total=False):
+    """A mapping's rule for a channel, as far as it was found."""
+
+    source: str
+    channel: str
+    scale: float
+    unit: str | None
+    table: str
+
+
 @dataclass(slots=True)
 class TimeFound:
     """What seems to be the time.
@@ -42,8 +64,8 @@ class TimeFound:
         Whether it has a date, and so says ``started_at``.
     """
 
-    rule: dict[str, Any] | None = None
-    channel: dict[str, Any] | None = None
+    rule: TimeColumns | None = None
+    channel: ChannelFound | None = None
     columns: tuple[str, ...] = ()
     by_format: str | None = None
     certainty: float = 0.0
@@ -94,7 +116,7 @@ def _instants(table: Table, told: list[str]) -> TimeFound | None:
     for day_first in (None, True):
         reading = Reading(None, zone, day_first)
         kinds = {name: _kind_of(column, reading) for name, column in table.texts.items()}
-        rule: dict[str, Any] | None = None
+        rule: TimeColumns | None = None
         whole = [name for name, kind in kinds.items() if kind == "instant"]
         clocks = [name for name, kind in kinds.items() if kind == "clock"]
         dates = [name for name, kind in kinds.items() if kind == "date"]
@@ -102,7 +124,9 @@ def _instants(table: Table, told: list[str]) -> TimeFound | None:
         if whole:
             rule = {"source": _best(whole)}
         elif clocks and dates:
-            rule = {"date": dates[0], "time": _best(clocks)} | ({"offset": offsets[0]} if offsets else {})
+            rule = {"date": dates[0], "time": _best(clocks)}
+            if offsets:
+                rule["offset"] = offsets[0]
         elif clocks and day_first:
             rule = {"source": _best(clocks), "zone": "UTC"}
             told.append("times of day name no zone: UTC is a guess, say which it is in the mapping's `time`")
@@ -115,8 +139,8 @@ def _best(names: Sequence[str]) -> str:
     return max(names, key=lambda name: spoken_for(name, TIME))
 
 
-def _timed(table: Table, rule: dict[str, Any], day_first: bool | None, dated: bool, told: list[str]) -> TimeFound:
-    columns = tuple(value for name, value in rule.items() if name != "zone")
+def _timed(table: Table, rule: TimeColumns, day_first: bool | None, dated: bool, told: list[str]) -> TimeFound:
+    columns = tuple(str(value) for name, value in rule.items() if name != "zone")
     notes = [f"the time is in {' and '.join(columns)}" + ("" if dated else ", without a date")]
     certainty = 0.95 if dated else 0.8
     found = instants_of([_sample(table.texts[name]) for name in columns], Reading(None, None, day_first), "")
@@ -157,7 +181,7 @@ def _counts(table: Table, _told: list[str]) -> TimeFound | None:
             continue
         form = next((f for f, unit in EPOCHS.items() if _EARLIEST < known[0] * unit < _LATEST), None)
         if form is not None and known[0] * EPOCHS[form] + 48.0 * 3600.0 > known[-1] * EPOCHS[form]:
-            rule = {"source": name, "format": form}
+            rule: TimeColumns = {"source": name, "format": form}
             return TimeFound(
                 rule, None, (name,), None, 0.9, True, [f"{name} counts since 1970 ({form.partition('_')[2]})"]
             )
@@ -181,6 +205,6 @@ def _numbers(table: Table) -> TimeFound | None:
         certainty = min(0.95, 0.4 * spoken + 0.3 * behaviour.fits + (0.4 if of_file is not None else 0.0))
         if best is None or certainty > best.certainty:
             note = f"{name} {behaviour.what}" + ("" if of_file is not None else f" if it is in {unit}")
-            channel = {"source": name, "channel": TIME, "unit": unit}
+            channel: ChannelFound = {"source": name, "channel": TIME, "unit": unit}
             best = TimeFound(None, channel, (name,), None, certainty, False, [note])
     return best

@@ -3,11 +3,10 @@
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from service.answers.mappings import MappingSuggestion
 from service.ingest.file_formats import ANY_TYPE, CSV, FORMATS, GZIP
-from service.ingest.raw import RawFile, TextDialect
+from service.ingest.raw import ForeignMetadata, RawFile, TextDialect
 from service.ingest.suggestion import suggestion
 from service.ingest.text_look import HEAD_BYTES, TAIL_BYTES, look
 
@@ -17,7 +16,7 @@ def proposed(
     content_type: str,
     content_encoding: str,
     read: Callable[[TextDialect | None], RawFile],
-    named: dict[str, Any] | None = None,
+    named: ForeignMetadata | None = None,
 ) -> MappingSuggestion:
     """A mapping for a file.
 

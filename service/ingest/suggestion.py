@@ -6,12 +6,14 @@ It is a proposal: a person confirms it, and nothing is stored.
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from service.answers.mappings import MappingSuggestion, SuggestedChannel
+from service.answers.problems import ProblemError
 from service.bodies import is_storable
+from service.documents import JsonObject
 from service.errors import Invalid
 from service.ingest.behaviour import GUESSES, Mask, guessed_unit, running, seen
 from service.ingest.channel_words import metadata_of, spoken_for, unit_in
@@ -19,8 +21,8 @@ from service.ingest.decode import DEFAULT_PUMP_TYPE, checked
 from service.ingest.file_units import measures_something_else, unit_of_file
 from service.ingest.mapping import CHANNELS, ChannelMapping
 from service.ingest.metadata import TEXTS_REQUIRED
-from service.ingest.raw import RawFile, Samples, Table
-from service.ingest.suggested_time import TimeFound, time_of
+from service.ingest.raw import ForeignMetadata, RawFile, Samples, Table
+from service.ingest.suggested_time import ChannelFound, TimeFound, time_of
 from service.ingest.text_look import Look
 from twin.pumps import PUMP_TYPES
 from twin.recording import REQUIRED_CHANNELS, TIME
@@ -35,6 +37,7 @@ _LONGEST_NAME = 100
 _SURE = 0.8
 _CLOSE = 0.15
 _ATMOSPHERE = (0.85, 1.15)
+_Value = TypeVar("_Value")
 
 
 @dataclass(slots=True)
@@ -50,7 +53,7 @@ class _Candidate:
     scale: float = 1.0
 
 
-def suggestion(file: RawFile, text: Look | None, named: dict[str, Any] | None = None) -> MappingSuggestion:
+def suggestion(file: RawFile, text: Look | None, named: ForeignMetadata | None = None) -> MappingSuggestion:
     """What a file seems to need.
 
     Parameters
@@ -67,13 +70,14 @@ def suggestion(file: RawFile, text: Look | None, named: dict[str, Any] | None = 
     clock = time_of(file, told)
     taken = set(clock.columns)
     chosen, candidates = _assigned(file, taken)
-    document: dict[str, Any] = {"channels": [_rule(c, file) for c in chosen.values() if not _is_ours(c)]}
+    channels = [_rule(c, file) for c in chosen.values() if not _is_ours(c)]
+    document: JsonObject = {"channels": channels}
     if text is not None:
         document["csv"] = text.rule.model_dump(mode="json", exclude_defaults=True)
     if clock.rule is not None:
         document["time"] = clock.rule
     elif clock.channel is not None and clock.channel["source"] != TIME:
-        document["channels"].insert(0, clock.channel)
+        channels.insert(0, clock.channel)
     metadata = _metadata(file)
     if metadata:
         document["metadata"] = metadata
@@ -82,7 +86,7 @@ def suggestion(file: RawFile, text: Look | None, named: dict[str, Any] | None = 
         told.append(f"lines before the header are not read as metadata, the first is {text.preamble[0][:80]!r}")
     document = {name: value for name, value in document.items() if value}
     mapping = ChannelMapping.model_validate(document)
-    faults: list[Any] = []
+    faults: list[ProblemError] = []
     try:
         checked(file, named or {}, mapping=mapping)
     except Invalid as problem:
@@ -99,7 +103,7 @@ def suggestion(file: RawFile, text: Look | None, named: dict[str, Any] | None = 
 def _nameable(file: RawFile) -> RawFile:
     """The file without columns and metadata whose names no mapping can hold."""
 
-    def kept(values: Mapping[str, Any]) -> dict[str, Any]:
+    def kept(values: Mapping[str, _Value]) -> dict[str, _Value]:
         return {n: v for n, v in values.items() if 0 < len(n) <= _LONGEST_NAME and is_storable(n)}
 
     tables = tuple(
@@ -207,10 +211,10 @@ def _least(candidate: _Candidate) -> float:
     return _ENOUGH_UNNAMED if _UNNAMED.fullmatch(candidate.source) else _ENOUGH
 
 
-def _rule(candidate: _Candidate, file: RawFile) -> dict[str, Any]:
-    rule: dict[str, Any] = {"source": candidate.source, "channel": candidate.channel}
+def _rule(candidate: _Candidate, file: RawFile) -> ChannelFound:
+    rule: ChannelFound = {"source": candidate.source, "channel": candidate.channel}
     if candidate.scale != 1.0:
-        rule |= {"scale": candidate.scale, "unit": "rpm"}
+        rule["scale"], rule["unit"] = candidate.scale, "rpm"
     said = candidate.table.units.get(candidate.source)
     if candidate.unit is not None and said != candidate.unit:
         rule["unit"] = candidate.unit
@@ -271,7 +275,7 @@ def _tell(
     chosen: dict[str, _Candidate],
     clock: TimeFound,
     metadata: dict[str, str],
-    named: dict[str, Any],
+    named: ForeignMetadata,
     told: list[str],
 ) -> None:
     """What a person has to say."""

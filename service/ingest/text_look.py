@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypedDict
 
 from service.bodies import is_storable
 from service.ingest.csv_rule import CsvRule
@@ -34,6 +34,23 @@ _OF_NO_CHANNEL = re.compile(
 _FEWEST_ROWS = 3
 _MOST_FOOTER = 20
 _LONGEST_WORD = 40
+
+
+class _Written(TypedDict, total=False):
+    """Fields of a ``CsvRule`` as far as they were found; lines are counted from 1."""
+
+    delimiter: str
+    decimal: str
+    encoding: str
+    comment: str
+    no_header: bool
+    header_rows: int
+    header_row: int
+    skip_rows: list[int]
+    units_row: int
+    footer_rows: int
+    missing: list[str]
+    thousands: str
 
 
 @dataclass(slots=True)
@@ -75,14 +92,13 @@ def look(head: bytes, tail: bytes | None = None) -> Look:
         CsvRule(), [f"fields are separated by {_NAMES[delimiter]}, decimals by {decimal!r}, text is {encoding}"]
     )
     rows = [_fields(line, delimiter) for line in lines]
-    values: dict[str, Any] = {"delimiter": delimiter, "decimal": decimal, "encoding": encoding}
-    values |= _layout(lines, rows, decimal, found)
+    start, placed = _layout(lines, rows, decimal, found)
     width = _width(rows)
-    start = values.pop("_start")
     ends = _footer([_fields(line, delimiter) for line in last], width, decimal)
     n_footer = sum(bool(line.strip()) for line in last[len(last) - ends :])
     body = rows[start : len(rows) - ends if tail is None and len(rows) < _MOST_LINES else None]
-    values |= _words(body, width, decimal, delimiter, found)
+    values: _Written = {"delimiter": delimiter, "decimal": decimal, "encoding": encoding}
+    values |= placed | _words(body, width, decimal, delimiter, found)
     if n_footer:
         values["footer_rows"] = n_footer
         found.notes.append(f"the last {n_footer} line(s) are no samples")
@@ -138,12 +154,12 @@ def _score(lines: Sequence[str], delimiter: str, decimal: str) -> float:
     return (len(same) / len(rows)) ** 2 * (0.6 * plain + 0.4 * fair) / max(len(cells), 1) + 0.001 * min(width, 50)
 
 
-def _layout(lines: Sequence[str], rows: Sequence[Sequence[str]], decimal: str, found: Look) -> dict[str, Any]:
-    """Where header, units and samples stand."""
+def _layout(lines: Sequence[str], rows: Sequence[Sequence[str]], decimal: str, found: Look) -> tuple[int, _Written]:
+    """Row of the first sample, from 0, and where header and units stand."""
     width = _width(rows)
     numeric = _numeric_columns(rows, width, decimal)
     start = next((i for i, row in enumerate(rows) if _is_sample(row, width, numeric, decimal)), 0)
-    values: dict[str, Any] = {"_start": start}
+    values: _Written = {}
     comment = next((mark for mark in _COMMENTS if any(line.startswith(mark) for line in lines[:start])), "#")
     if comment != "#":
         values["comment"] = comment
@@ -181,7 +197,7 @@ def _layout(lines: Sequence[str], rows: Sequence[Sequence[str]], decimal: str, f
     if units is not None:
         values["units_row"] = units + 1
         found.notes.append(f"units stand in line {units + 1}")
-    return values
+    return start, values
 
 
 def _numeric_columns(rows: Sequence[Sequence[str]], width: int, decimal: str) -> list[int]:
@@ -214,7 +230,7 @@ def _is_units(row: Sequence[str]) -> bool:
     return len(stated) >= len(row) / 3 and sum(map(_is_unit, stated)) > 0.7 * len(stated)
 
 
-def _words(rows: Sequence[Sequence[str]], width: int, decimal: str, delimiter: str, found: Look) -> dict[str, Any]:
+def _words(rows: Sequence[Sequence[str]], width: int, decimal: str, delimiter: str, found: Look) -> _Written:
     """Words for missing samples and the mark of thousands."""
     numeric = _numeric_columns(rows, width, decimal)
     body = [row for row in rows if len(row) == width]
@@ -232,7 +248,7 @@ def _words(rows: Sequence[Sequence[str]], width: int, decimal: str, delimiter: s
                 marks[mark] += 1
             elif cell.lower() not in _MISSING:
                 other[cell] += 1
-    values: dict[str, Any] = {}
+    values: _Written = {}
     words = [
         cell for cell, n in other.most_common(10) if n >= 1 and 0 < len(cell) <= _LONGEST_WORD and is_storable(cell)
     ]

@@ -14,7 +14,7 @@ import numpy as np
 from service.errors import Fault, TooLarge
 from service.ingest.clocks import EARLIEST_YEAR, KNOWN, Clock, Column, Key, aligned, columns_of, table_names
 from service.ingest.merging import Base
-from service.ingest.raw import METADATA, RawFile, RawRecord, Table
+from service.ingest.raw import METADATA, ForeignMetadata, RawFile, RawRecord, Table
 from twin.recording import REQUIRED_CHANNELS, TIME
 
 MOST_BYTES = 1 << 30
@@ -59,7 +59,7 @@ def on_one_base(file: RawFile, most_bytes: int = MOST_BYTES) -> RawRecord:
     return record
 
 
-def _metadata(file: RawFile) -> tuple[dict[str, Any], list[Fault]]:
+def _metadata(file: RawFile) -> tuple[ForeignMetadata, list[Fault]]:
     """Metadata of the file and of its tables, which win; what tables say differently is a fault where it means something."""
     merged, faults = dict(file.metadata), []
     said_by: dict[str, str] = {}

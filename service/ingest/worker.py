@@ -9,17 +9,19 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from service.documents import JsonObject
 from service.errors import Fault, Problem, StorageFull, TooLarge
 from service.ingest.archive_index import write_index
 from service.ingest.parse import parsed
-from service.ingest.raw import Limits, RawFile, TextDialect
+from service.ingest.raw import ForeignMetadata, Limits, RawFile, Samples, TextDialect
+from service.ingest.worker_words import Answer, ArchiveAsked, Column, FileAsked, FileSaid, Refused, TableSaid
 
 _NICENESS = 10
 """Files are read in the time that answers leave: a reader of others' slow files held every read up for as long as it ran."""
@@ -38,37 +40,45 @@ def main() -> None:
         print(json.dumps(_answer(json.loads(line))), file=answers, flush=True)
 
 
-def _answer(request: dict[str, Any]) -> dict[str, Any]:
+def _answer(request: FileAsked | ArchiveAsked) -> Answer:
     _limit_memory(request["memory_bytes"])
     if "archive" in request:
-        return _indexed(request)
+        return _indexed(cast("ArchiveAsked", request))
+    return _read(request)
+
+
+def _read(request: FileAsked) -> Answer:
     limits = Limits(**request["limits"])
     try:
         content = Path(request["path"]).read_bytes()
         dialect = _dialect(request["dialect"])
         raw = parsed(content, request["content_type"], request["content_encoding"], limits, dialect)
     except Problem as problem:
-        return {"problem": type(problem).__name__, "detail": problem.detail, "errors": _faults(problem.errors)}
+        return _refused(problem)
     except MemoryError:
         return {"problem": TooLarge.__name__, "memory": True}
     try:
-        return _handed_over(raw if request.get("with_texts", True) else _without_words(raw), Path(request["output"]))
+        return _handed_over(raw if request["with_texts"] else _without_words(raw), Path(request["output"]))
     except OSError as failed:
         return _full("the channels", failed)
 
 
-def _indexed(request: dict[str, Any]) -> dict[str, Any]:
+def _indexed(request: ArchiveAsked) -> Answer:
     try:
         return {"members": write_index(Path(request["path"]), request["archive"], Path(request["output"]))}
     except Problem as problem:
-        return {"problem": type(problem).__name__, "detail": problem.detail, "errors": _faults(problem.errors)}
+        return _refused(problem)
     except MemoryError:
         return {"problem": TooLarge.__name__, "memory": True}
     except OSError as failed:
         return _full("the index", failed)
 
 
-def _full(what: str, failed: OSError) -> dict[str, Any]:
+def _refused(problem: Problem) -> Refused:
+    return {"problem": type(problem).__name__, "detail": problem.detail, "errors": _faults(problem.errors)}
+
+
+def _full(what: str, failed: OSError) -> Refused:
     # NumPy's own says neither number nor name of what the disk said; nothing else stops a file of ours
     return {"problem": StorageFull.__name__, "detail": f"{what} cannot be handed over: {failed}", "errors": []}
 
@@ -78,10 +88,10 @@ def _without_words(raw: RawFile) -> RawFile:
     return replace(raw, tables=tables)
 
 
-def _dialect(request: dict[str, Any] | None) -> TextDialect | None:
+def _dialect(request: JsonObject | None) -> TextDialect | None:
     if request is None:
         return None
-    fields: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in request.items()}
+    fields: JsonObject = {name: tuple(v) if isinstance(v, list) else v for name, v in request.items()}
     return TextDialect(**fields)
 
 
@@ -92,15 +102,15 @@ def _limit_memory(allowed: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (mapped + allowed, hard))
 
 
-def _handed_over(file: RawFile, output: Path) -> dict[str, Any]:
+def _handed_over(file: RawFile, output: Path) -> FileSaid:
     with output.open("wb") as numbers:
 
-        def kept(columns: Mapping[str, Any]) -> list[list[Any]]:
+        def kept(columns: Mapping[str, Samples]) -> list[Column]:
             for samples in columns.values():
                 np.ascontiguousarray(samples, dtype=np.float64).tofile(numbers)
-            return [[str(name), len(samples)] for name, samples in columns.items()]
+            return [(str(name), len(samples)) for name, samples in columns.items()]
 
-        tables = [
+        tables: list[TableSaid] = [
             {
                 "channels": kept(table.channels),
                 "time": None if table.time is None else kept({"": table.time})[0],
@@ -122,12 +132,12 @@ def _handed_over(file: RawFile, output: Path) -> dict[str, Any]:
     }
 
 
-def _scalars(metadata: Mapping[str, Any]) -> dict[str, Any]:
+def _scalars(metadata: ForeignMetadata) -> ForeignMetadata:
     return {str(k): v if isinstance(v, _SCALARS) else repr(v)[:200] for k, v in metadata.items()}
 
 
-def _faults(faults: Any) -> list[list[str]]:
-    return [[fault.where, fault.problem] for fault in faults if isinstance(fault, Fault)]
+def _faults(faults: Sequence[Any]) -> list[tuple[str, str]]:
+    return [(fault.where, fault.problem) for fault in faults if isinstance(fault, Fault)]
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http import HTTPStatus
-from typing import Any
 
 from pydantic import Field
 
@@ -11,7 +10,7 @@ from service.access.account import in_background
 from service.errors import Problem
 from service.ingest.archive import Archive
 from service.ingest.file_names import named_by
-from service.ingest.mapping_version import MappingVersion
+from service.ingest.mapping_version import MappingVersion, MappingVersionSaid
 from service.jobs.kinds import Item, Kind, Parameters, Work, register
 from service.monitoring.acceptance import Upload
 
@@ -24,7 +23,7 @@ class BulkImportParameters(Parameters):
     content_hash: str
     format: str
     overrides: dict[str, str] = Field(default_factory=dict)
-    mapping: dict[str, Any] | None = None
+    mapping: MappingVersionSaid | None = None
 
 
 @register

@@ -13,6 +13,7 @@ from service.access.security import Principal
 from service.answers.jobs import JobResult
 from service.bodies import Body
 from service.context import Context
+from service.documents import JsonObject
 from service.errors import Fault, Invalid
 
 NAME_LENGTH = 500
@@ -45,7 +46,7 @@ class Item:
 
     name: str
     status: str
-    detail: dict[str, Any] = field(default_factory=dict)
+    detail: JsonObject = field(default_factory=dict)
 
 
 class Kind(ABC, Generic[P, State]):

@@ -1,7 +1,5 @@
 """Asking for a job: checked, stored, handed to a worker."""
 
-from typing import Any
-
 from pydantic import ValidationError
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
@@ -10,6 +8,7 @@ from service.access import audit
 from service.access.security import Principal
 from service.access.turns import REFUSED, TooMany
 from service.context import Context
+from service.documents import JsonObject
 from service.errors import Fault, Invalid
 from service.jobs import bulk_import, engine, evaluation, preview, report, reprocess, store
 from service.jobs.kinds import kind_named
@@ -21,7 +20,7 @@ KINDS = (bulk_import, evaluation, preview, report, reprocess)
 """Modules that register kinds of jobs; another kind is another module here."""
 
 
-def ask_for(context: Context, asker: Principal, kind_name: str, operator: str | None, values: dict[str, Any]) -> Job:
+def ask_for(context: Context, asker: Principal, kind_name: str, operator: str | None, values: JsonObject) -> Job:
     """Store a job, which whoever is at work takes up; a job that waits to do just this is returned instead.
 
     Parameters

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from service.access.security import Principal
 from service.answers.jobs import JobResult
+from service.documents import JsonObject
 from service.errors import Conflict, NotFound, Problem
 from service.jobs.kinds import NAME_LENGTH, Item
 from service.storage.tables import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem
@@ -18,7 +19,7 @@ UNFINISHED = (QUEUED, RUNNING)
 MOST_SHOWN = 500
 
 
-def new_job(session: Session, kind: str, operator: str | None, author: str, parameters: dict[str, Any]) -> Job:
+def new_job(session: Session, kind: str, operator: str | None, author: str, parameters: JsonObject) -> Job:
     """Add a queued job."""
     job = Job(
         id=uuid.uuid4().hex,
@@ -70,9 +71,7 @@ def jobs(principal: Principal, kind: str | None, status: str | None, after: Sequ
     return query.order_by(Job.created_at.desc(), Job.id.desc())
 
 
-def same_waiting(
-    session: Session, kind: str, operator: str | None, author: str, parameters: dict[str, Any]
-) -> Job | None:
+def same_waiting(session: Session, kind: str, operator: str | None, author: str, parameters: JsonObject) -> Job | None:
     """A job that waits to do just this: asking twice starts one. A running one has begun on older data."""
     query = select(Job).where(
         Job.kind == kind,

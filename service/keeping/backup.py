@@ -2,10 +2,9 @@
 
 import json
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from alembic.migration import MigrationContext
 
@@ -14,7 +13,18 @@ from service.identity import software
 from service.keeping.consistent import State, consistent, engine_is_read, engine_version
 from service.keeping.container import Target, Written, written
 from service.keeping.installation import Installation
-from service.keeping.manifest import AUDIT_KEY_FILE, FORMAT, MANIFEST, RAW_LIST, described, raw_name, rows_name, sealed
+from service.keeping.manifest import (
+    AUDIT_KEY_FILE,
+    FORMAT,
+    MANIFEST,
+    RAW_LIST,
+    BackupManifest,
+    EngineState,
+    described,
+    raw_name,
+    rows_name,
+    sealed,
+)
 from service.keeping.needs import needed, welcome
 from service.keeping.rows import lines_of
 from service.storage.audit_chain import HEAD_ID, head_of
@@ -30,7 +40,7 @@ class _StaleError(Exception):
     """Bytes of the state are gone."""
 
 
-def make_backup(kept: Installation, place: Path, *, with_gaps: bool = False) -> dict[str, Any]:
+def make_backup(kept: Installation, place: Path, *, with_gaps: bool = False) -> BackupManifest:
     """Write a backup to a folder, or to one file where ``place`` ends in ``.zip``; gives its manifest.
 
     It appears under its name when it is whole. That it was made is noted in the database, so that who deletes an
@@ -73,7 +83,7 @@ def forget_backup(kept: Installation, backup_id: str) -> None:
         row.removed_at = datetime.now(UTC)
 
 
-def _attempted(kept: Installation, place: Path, backup_id: str, with_gaps: bool) -> dict[str, Any]:
+def _attempted(kept: Installation, place: Path, backup_id: str, with_gaps: bool) -> BackupManifest:
     for attempt in range(_ATTEMPTS):
         try:
             with written(place) as target:
@@ -84,7 +94,7 @@ def _attempted(kept: Installation, place: Path, backup_id: str, with_gaps: bool)
     raise AssertionError("unreachable")
 
 
-def _write(kept: Installation, target: Target, backup_id: str, with_gaps: bool) -> dict[str, Any]:
+def _write(kept: Installation, target: Target, backup_id: str, with_gaps: bool) -> BackupManifest:
     files: dict[str, Written] = {}
 
     def add(name: str, parts: Iterator[bytes]) -> None:
@@ -99,7 +109,7 @@ def _write(kept: Installation, target: Target, backup_id: str, with_gaps: bool) 
             add(rows_name("rows", table.name), lines_of(state.main, table))
             tables.append(described(table))
         head = state.main.execute(AuditHead.__table__.select().where(AuditHead.id == HEAD_ID)).one()
-        revision = MigrationContext.configure(state.main).get_current_revision()
+        revision = MigrationContext.configure(state.main).get_current_revision() or "base"
         wanted, spare = needed(state.main), set(welcome(state.main))
     raw, gaps = _raw(kept.raw_store, target, wanted, spare - set(wanted))
     if gaps:
@@ -108,7 +118,7 @@ def _write(kept: Installation, target: Target, backup_id: str, with_gaps: bool) 
     add(RAW_LIST, lines)
     if kept.audit_key.file is not None and kept.audit_key.file.exists():
         add(AUDIT_KEY_FILE, iter([kept.audit_key.file.read_bytes()]))
-    body = {
+    body: BackupManifest = {
         "format": FORMAT,
         "id": backup_id,
         "made_at": made_at.isoformat(),
@@ -125,7 +135,7 @@ def _write(kept: Installation, target: Target, backup_id: str, with_gaps: bool) 
     return body
 
 
-def _engine(state: State, add: Any) -> dict[str, Any] | None:
+def _engine(state: State, add: Callable[[str, Iterator[bytes]], None]) -> EngineState | None:
     if state.engine is None:
         return None
     tables = []

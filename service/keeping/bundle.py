@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from alembic.migration import MigrationContext
 from sqlalchemy import ColumnElement, Connection, Table, or_, select
@@ -13,7 +12,7 @@ from sqlalchemy.orm import Session
 from service.errors import NotFound
 from service.identity import software
 from service.keeping.container import Target, Written, written
-from service.keeping.manifest import BUNDLE, MANIFEST, RAW_LIST, described, raw_name, rows_name, sealed
+from service.keeping.manifest import BUNDLE, MANIFEST, RAW_LIST, BundleManifest, described, raw_name, rows_name, sealed
 from service.keeping.rows import lines_of
 from service.monitoring.succession import neighbours_at
 from service.reading import queries
@@ -31,7 +30,7 @@ _OF_OPERATORS = frozenset({"aircraft", "registry_versions", "pump_types", "refer
 """What an operator, or everybody, has said and a verdict may rest on."""
 
 
-def make_bundle(database: Database, raw_store: RawStore, pump_id: int, place: Path) -> dict[str, Any]:
+def make_bundle(database: Database, raw_store: RawStore, pump_id: int, place: Path) -> BundleManifest:
     """Write a pump's bundle to a folder, or to one file where ``place`` ends in ``.zip``; gives its manifest.
 
     It holds the pump and those that shared its places, with their records and what was entered about them, the registry
@@ -68,11 +67,11 @@ def inputs_of(operator: str, pumps: list[int]) -> Iterator[tuple[Table, ColumnEl
             yield table, key.parent.in_(records)
 
 
-def _write(session: Session, raw_store: RawStore, pump: Pump, target: Target) -> dict[str, Any]:
+def _write(session: Session, raw_store: RawStore, pump: Pump, target: Target) -> BundleManifest:
     files: dict[str, Written] = {}
     connection: Connection = session.connection()
     pumps = _neighbours(session, pump)
-    verdict = dict(with_crossing(session, pump, queries.verdict(session, pump)))
+    verdict = with_crossing(session, pump, queries.verdict(session, pump))
     tables = []
     for table, which in inputs_of(pump.operator, pumps):
         name = rows_name("rows", table.name)
@@ -85,7 +84,7 @@ def _write(session: Session, raw_store: RawStore, pump: Pump, target: Target) ->
     lines = (json.dumps(item).encode() + b"\n" for item in sorted(raw.items()))
     files[RAW_LIST] = target.add(RAW_LIST, lines)
     files[EXPECTED] = target.add(EXPECTED, iter([json.dumps(verdict, sort_keys=True).encode()]))
-    body = {
+    body: BundleManifest = {
         "format": BUNDLE,
         "made_at": datetime.now(UTC).isoformat(),
         "software": software().to_json(),
@@ -97,7 +96,7 @@ def _write(session: Session, raw_store: RawStore, pump: Pump, target: Target) ->
         "threshold_version": verdict.get("threshold_version"),
         "database": {
             "kind": connection.dialect.name,
-            "revision": MigrationContext.configure(connection).get_current_revision(),
+            "revision": MigrationContext.configure(connection).get_current_revision() or "base",
             "tables": tables,
         },
         "raw_files": len(raw),

@@ -6,16 +6,16 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from sqlalchemy import Connection, exists, select
 
-from service.access.audit_proof import Findings, verify_database
+from service.access.audit_proof import Findings, Verified, verify_database
 from service.errors import Unavailable
 from service.keeping.consistent import consistent, engine_is_read
 from service.keeping.container import Source, read
 from service.keeping.installation import Installation
-from service.keeping.manifest import AUDIT_KEY_FILE, faults_of_files, raw_files, read_manifest
+from service.keeping.manifest import AUDIT_KEY_FILE, faults_of_files, raw_files, read_backup
 from service.keeping.needs import needed, welcome
 from service.keeping.restore import fill_sqlite
 from service.storage.audit_anchor import Anchor, read_anchor
@@ -26,6 +26,18 @@ from service.storage.tables import ANALYSED, Job, Pump, Record, StoredAssessment
 IN_FLIGHT_S = 3600.0
 """Bytes stand in the store before their row does: so long nobody calls them orphans (our choice)."""
 _NAME = re.compile(r"[0-9a-f]{2}/([0-9a-f]{64})")
+
+
+class CheckSaid(TypedDict):
+    """A check as JSON: counts, bytes of raw files, the audit log's verification, sentences."""
+
+    whole: bool
+    records: int
+    raw_files: int
+    raw_bytes: int
+    audit: Verified | None
+    faults: list[str]
+    remarks: list[str]
 
 
 @dataclass(slots=True)
@@ -39,7 +51,7 @@ class Checked:
     faults: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> CheckSaid:
         """As the command line says it."""
         return {
             "whole": not self.faults,
@@ -90,7 +102,7 @@ def check_backup(place: Path, public_key: str | None = None) -> Checked:
     """
     found = Checked()
     with read(place) as source:
-        manifest = read_manifest(source)
+        manifest = read_backup(source)
         found.faults += faults_of_files(source, manifest)
         found.faults += [f"raw bytes {digest} were missing when the backup was made" for digest in manifest["gaps"]]
         if any(".jsonl" in fault for fault in found.faults):

@@ -3,12 +3,18 @@
 import contextlib
 import hashlib
 import json
-from typing import Any, cast
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, TypedDict, cast
 
 from sqlalchemy import Table
 
+from service.documents import JsonObject
 from service.keeping.container import Source, parts_of
 from service.keeping.rows import Rows, shape_of
+from service.storage.audit_chain import HeadSaid
+
+if TYPE_CHECKING:
+    from service.answers import verdicts as answers
 
 MANIFEST = "manifest.json"
 FORMAT = "casedrain backup 1"
@@ -16,6 +22,67 @@ BUNDLE = "casedrain bundle 1"
 AUDIT_KEY_FILE = "audit-key"
 RAW_LIST = "raw.jsonl"
 """One raw file a line: its hash and its size [bytes]."""
+
+
+class TableShape(TypedDict):
+    """A table as a manifest names it: pairs of a column and what it holds."""
+
+    table: str
+    columns: list[list[str]]
+
+
+class FileSum(TypedDict):
+    """Size [bytes] and SHA-256 of a file."""
+
+    bytes: int
+    sha256: str
+
+
+class DatabaseState(TypedDict):
+    """A database: its kind, the revision of its schema, its tables in the order in which they go back."""
+
+    kind: str
+    revision: str
+    tables: list[TableShape]
+
+
+class EngineState(TypedDict):
+    """The job engine: how many of its migrations have run, its tables."""
+
+    version: int
+    tables: list[TableShape]
+
+
+class Manifest(TypedDict):
+    """What every set says of itself; as its file holds it, ``sha256`` stands beside."""
+
+    format: str
+    made_at: str
+    software: "answers.Software"
+    database: DatabaseState
+    raw_files: int
+    files: dict[str, FileSum]
+
+
+class BackupManifest(Manifest):
+    """A backup's: ``raw_bytes`` in all, ``gaps`` the hashes of raw files that were missing."""
+
+    id: str
+    engine: EngineState | None
+    audit: HeadSaid
+    raw_bytes: int
+    gaps: list[str]
+
+
+class BundleManifest(Manifest):
+    """A pump's bundle: whose verdict it holds, and what made that."""
+
+    issued_by: "answers.Software | None"
+    operator: str
+    pump: str
+    pump_id: int
+    twin_version: str | None
+    threshold_version: int | None
 
 
 def raw_name(digest: str) -> str:
@@ -28,22 +95,31 @@ def rows_name(kind: str, table: str) -> str:
     return f"{kind}/{table}.jsonl"
 
 
-def sealed(body: dict[str, Any]) -> bytes:
+def sealed(body: Manifest) -> bytes:
     """A manifest as its file holds it, with the hash over itself."""
     return json.dumps({**body, "sha256": _hash(body)}, indent=1, sort_keys=True).encode()
 
 
-def read_manifest(source: Source, form: str = FORMAT) -> dict[str, Any]:
-    """The manifest of a backup, or of another set whose format is ``form``.
+def read_backup(source: Source) -> BackupManifest:
+    """The manifest of a backup; raises as ``read_bundle``."""
+    return cast("BackupManifest", _read(source, FORMAT))
+
+
+def read_bundle(source: Source) -> BundleManifest:
+    """The manifest of a pump's bundle.
 
     Raises
     ------
     ValueError
         when there is none, it was changed, or this release does not read its format.
     """
+    return cast("BundleManifest", _read(source, BUNDLE))
+
+
+def _read(source: Source, form: str) -> JsonObject:
     try:
         with source.open(MANIFEST) as file:
-            found = cast("dict[str, Any]", json.loads(file.read()))
+            found: JsonObject = json.loads(file.read())
         body = {key: value for key, value in found.items() if key != "sha256"}
     except KeyError:
         raise ValueError("there is no manifest.json: this is none, or one that never came to its end") from None
@@ -56,19 +132,18 @@ def read_manifest(source: Source, form: str = FORMAT) -> dict[str, Any]:
     return found
 
 
-def described(table: Table) -> dict[str, Any]:
+def described(table: Table) -> TableShape:
     """A table as a manifest names it, with what its columns hold."""
     shape = shape_of(table)
     return {"table": shape.table, "columns": [list(column) for column in shape.columns]}
 
 
-def shapes(found: dict[str, Any], kind: str) -> list[Rows]:
-    """Tables of a backup in the order in which they go back; ``kind`` is ``database`` or ``engine``."""
-    tables = found[kind]["tables"] if found[kind] else []
-    return [Rows(t["table"], tuple((name, what) for name, what in t["columns"])) for t in tables]
+def shapes(found: DatabaseState | EngineState) -> list[Rows]:
+    """Tables of a set in the order in which they go back."""
+    return [Rows(t["table"], tuple((name, what) for name, what in t["columns"])) for t in found["tables"]]
 
 
-def faults_of_files(source: Source, found: dict[str, Any]) -> list[str]:
+def faults_of_files(source: Source, found: Manifest) -> list[str]:
     """Files that are missing, damaged or too many."""
     faults = []
     named: dict[str, tuple[int, str]] = {n: (f["bytes"], f["sha256"]) for n, f in found["files"].items()}
@@ -104,5 +179,5 @@ def _sum_of(source: Source, name: str) -> tuple[int, str] | None:
     return n_bytes, hashed.hexdigest()
 
 
-def _hash(body: dict[str, Any]) -> str:
+def _hash(body: Mapping[str, object]) -> str:
     return hashlib.sha256(json.dumps(body, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

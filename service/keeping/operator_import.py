@@ -9,19 +9,20 @@ import hashlib
 import json
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from sqlalchemy import Table, column, func, insert, select, table
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
-from sqlalchemy.types import JSON, Integer
+from sqlalchemy.types import JSON, Integer, TypeEngine
 
 from service.access import audit
 from service.access.security import AT_THE_MACHINE
+from service.documents import RowValues
 from service.keeping.container import Source, parts_of, read
 from service.keeping.rows import AS_JSON, INSTANT, shape_of
-from service.registry.export import EXPORT, MANIFEST
+from service.registry.export import EXPORT, MANIFEST, ExportManifest
 from service.registry.ownership import owned_tables, rows_of
 from service.storage.database import Database
 from service.storage.raw_store import RawStore, content_hash
@@ -37,8 +38,16 @@ _JSON = JSON(none_as_null=True).with_variant(JSONB(none_as_null=True), "postgres
 _BATCH = 500
 
 
-def import_operator(database: Database, raw_store: RawStore, place: Path, revision: str) -> dict[str, Any]:
-    """Take an export in, all of it or nothing; gives ``operator``, ``rows`` by table and ``raw_files`` (counts).
+class Imported(TypedDict):
+    """What came in: rows by table, raw files (counts)."""
+
+    operator: str
+    rows: dict[str, int]
+    raw_files: int
+
+
+def import_operator(database: Database, raw_store: RawStore, place: Path, revision: str) -> Imported:
+    """Take an export in, all of it or nothing; gives what came in.
 
     Parameters
     ----------
@@ -51,7 +60,7 @@ def import_operator(database: Database, raw_store: RawStore, place: Path, revisi
         when the file is no export or not whole, was made by another release, or the operator is known here.
     """
     with read(place) as source:
-        manifest = _manifest(source, revision)
+        manifest, manifest_hash = _manifest(source, revision)
         operator = str(manifest["operator"])
         raw = _raw_in(source)
         for digest in raw:
@@ -67,7 +76,7 @@ def import_operator(database: Database, raw_store: RawStore, place: Path, revisi
                 details = {
                     "rows": rows,
                     "raw_files": len(raw),
-                    "export": manifest["sha256"],
+                    "export": manifest_hash,
                     "software": manifest["software"],
                 }
                 audit.note(session, AT_THE_MACHINE, "operator.import", f"operator/{operator}", operator, details)
@@ -118,7 +127,7 @@ class _Import:
             self._insert(stored, kinds, batch)
         return n_rows
 
-    def _row(self, stored: Table, kinds: dict[str, str], row: dict[str, Any]) -> dict[str, Any]:
+    def _row(self, stored: Table, kinds: dict[str, str], row: RowValues) -> RowValues:
         for key in stored.foreign_keys:
             numbers, old = self._numbers.get(key.column.table.name), row.get(key.parent.name)
             if numbers is not None and isinstance(old, int):
@@ -136,8 +145,8 @@ class _Import:
             row["counter"] = int(self._session.scalar(select(func.max(ThresholdVersion.number))) or 0)
         return row
 
-    def _insert(self, stored: Table, kinds: dict[str, str], rows: list[dict[str, Any]]) -> None:
-        types: dict[str, Any] = {AS_JSON: _JSON, INSTANT: UtcDateTime()}
+    def _insert(self, stored: Table, kinds: dict[str, str], rows: list[RowValues]) -> None:
+        types: dict[str, TypeEngine[Any]] = {AS_JSON: _JSON, INSTANT: UtcDateTime()}
         columns: list[Any] = [
             column(n, types[k]) if k in types else column(n) for n, k in kinds.items() if n in rows[0]
         ]
@@ -164,13 +173,14 @@ def _number_of(stored: Table) -> str | None:
     return keys[0].name if len(keys) == 1 and isinstance(keys[0].type, Integer) and not keys[0].foreign_keys else None
 
 
-def _manifest(source: Source, revision: str) -> dict[str, Any]:
+def _manifest(source: Source, revision: str) -> tuple[ExportManifest, str]:
+    """What an export says of itself, and the hash of that."""
     try:
         with source.open(MANIFEST) as file:
             content = file.read()
-        manifest: dict[str, Any] = json.loads(content)
+        manifest: ExportManifest = json.loads(content)
         found = manifest["format"], manifest["revision"]
-        sums: dict[str, str] = manifest["tables"]
+        sums = manifest["tables"]
     except (KeyError, TypeError, ValueError):
         raise ValueError("this is no export of an operator, or one of a release that wrote no manifest.json") from None
     if found != (EXPORT, revision):
@@ -188,7 +198,7 @@ def _manifest(source: Source, revision: str) -> dict[str, Any]:
             hashed = hashlib.sha256(b"unreadable")
         if hashed.hexdigest() != expected:
             raise ValueError(f"tables/{name}.jsonl is damaged or missing: nothing was imported")
-    return {**manifest, "sha256": hashlib.sha256(content).hexdigest()}
+    return manifest, hashlib.sha256(content).hexdigest()
 
 
 def _raw_in(source: Source) -> set[str]:

@@ -5,14 +5,15 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict, cast
 
 from sqlalchemy import select, update
 
+from service.documents import JsonObject
 from service.identity import software
 from service.keeping.bundle import EXPECTED
 from service.keeping.container import read
-from service.keeping.manifest import BUNDLE, faults_of_files, raw_files, raw_name, read_manifest
+from service.keeping.manifest import BundleManifest, faults_of_files, raw_files, raw_name, read_bundle
 from service.keeping.restore import fill_sqlite
 from service.monitoring.reanalysis import reprocessed
 from service.reading import queries
@@ -22,19 +23,44 @@ from service.settings import Settings
 from service.storage.database import upgrade
 from service.storage.tables import Pump
 
+if TYPE_CHECKING:
+    from service.answers import verdicts as answers
+
 _NO_PART = "software"
 """Who made a verdict is no part of two being equal."""
 _MOST_DIFFERENCES = 50
+
+
+class Difference(TypedDict):
+    """A place in two verdicts, ``estimates.case_flow_at_reference_lpm.mean``, and what stands there."""
+
+    where: str
+    expected: object
+    found: object
+
+
+class Replayed(TypedDict):
+    """A replay as JSON: the first differences only."""
+
+    identical: bool
+    pump: str
+    operator: str
+    issued_by: "answers.Software | None"
+    replayed_by: "answers.Software"
+    explanation: str | None
+    differences: list[Difference]
+    expected: "answers.Verdict"
+    verdict: "answers.Verdict"
 
 
 @dataclass(frozen=True, slots=True)
 class Replay:
     """What a replay gave: both verdicts, who issued the one and who made the other, and where they differ."""
 
-    manifest: dict[str, Any]
-    expected: dict[str, Any]
-    verdict: dict[str, Any]
-    differences: list[dict[str, Any]]
+    manifest: BundleManifest
+    expected: "answers.Verdict"
+    verdict: "answers.Verdict"
+    differences: list[Difference]
 
     @property
     def is_identical(self) -> bool:
@@ -54,7 +80,7 @@ class Replay:
             f"{ours['release']}, sources {ours['sources']}: replay it with the image of the release that issued it"
         )
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> Replayed:
         """As the command line says it."""
         return {
             "identical": self.is_identical,
@@ -80,12 +106,12 @@ def replay(place: Path) -> Replay:
         when a record cannot be read any more.
     """
     with read(place) as source, tempfile.TemporaryDirectory(prefix="casedrain-replay-") as folder:
-        manifest = read_manifest(source, BUNDLE)
+        manifest = read_bundle(source)
         faults = faults_of_files(source, manifest)
         if faults:
             raise ValueError(f"the bundle is not whole: {'; '.join(faults[:5])}")
         with source.open(EXPECTED) as file:
-            expected = json.loads(file.read())
+            expected = cast("answers.Verdict", json.loads(file.read()))
         database, raw = Path(folder) / "casedrain.sqlite", Path(folder) / "raw"
         fill_sqlite(source, manifest, database)
         upgrade(f"sqlite:///{database}")
@@ -105,14 +131,14 @@ def replay(place: Path) -> Replay:
                 reprocessed(context.database, context.archive, pump_id, reduce_anew=True)
             with context.database.reading() as session:
                 pump = session.get_one(Pump, manifest["pump_id"])
-                verdict = dict(with_crossing(session, pump, queries.verdict(session, pump)))
+                verdict = with_crossing(session, pump, queries.verdict(session, pump))
         finally:
             context.close()
-    verdict = json.loads(json.dumps(verdict))
-    return Replay(manifest, expected, verdict, list(differences(_equal_part(expected), _equal_part(verdict))))
+    found = cast("answers.Verdict", json.loads(json.dumps(verdict)))
+    return Replay(manifest, expected, found, list(differences(_equal_part(expected), _equal_part(found))))
 
 
-def differences(expected: Any, found: Any, where: str = "") -> Iterator[dict[str, Any]]:
+def differences(expected: object, found: object, where: str = "") -> Iterator[Difference]:
     """Where two JSON values differ: the path, what was expected and what was found."""
     if isinstance(expected, dict) and isinstance(found, dict):
         for name in sorted(expected.keys() | found.keys()):
@@ -124,5 +150,5 @@ def differences(expected: Any, found: Any, where: str = "") -> Iterator[dict[str
         yield {"where": where, "expected": expected, "found": found}
 
 
-def _equal_part(verdict: dict[str, Any]) -> dict[str, Any]:
+def _equal_part(verdict: "answers.Verdict") -> JsonObject:
     return {name: value for name, value in verdict.items() if name != _NO_PART}

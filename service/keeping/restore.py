@@ -6,7 +6,6 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
 from dbos import DBOS
 from sqlalchemy import Connection, MetaData, create_engine, inspect
@@ -18,10 +17,13 @@ from service.keeping.consistent import ENGINE_SCHEMA, engine_tables, engine_vers
 from service.keeping.container import Source, parts_of, read
 from service.keeping.manifest import (
     AUDIT_KEY_FILE,
+    BackupManifest,
+    EngineState,
+    Manifest,
     faults_of_files,
     raw_files,
     raw_name,
-    read_manifest,
+    read_backup,
     rows_name,
     shapes,
 )
@@ -41,7 +43,7 @@ _CLIENTS = (
 )
 
 
-def restore(settings: Settings, place: Path, *, force: bool = False) -> dict[str, Any]:
+def restore(settings: Settings, place: Path, *, force: bool = False) -> BackupManifest:
     """Put a backup back to where the settings point; gives its manifest.
 
     Raw bytes go first, then the database as a whole, then key and anchor: after an end in between it is called again.
@@ -52,7 +54,7 @@ def restore(settings: Settings, place: Path, *, force: bool = False) -> dict[str
         when the backup is not whole, or the database there is used and ``force`` is not given, or a server is at work.
     """
     with read(place) as source:
-        manifest = read_manifest(source)
+        manifest = read_backup(source)
         faults = faults_of_files(source, manifest)
         if faults:
             raise ValueError(f"the backup is not whole, nothing was restored: {'; '.join(faults[:5])}")
@@ -73,7 +75,7 @@ def restore(settings: Settings, place: Path, *, force: bool = False) -> dict[str
     return manifest
 
 
-def fill_sqlite(source: Source, manifest: dict[str, Any], file: Path) -> None:
+def fill_sqlite(source: Source, manifest: Manifest, file: Path) -> None:
     """Make an SQLite file of a backup's rows, at the backup's own revision."""
     url = f"sqlite:///{file}"
     upgrade(url, manifest["database"]["revision"])
@@ -81,7 +83,7 @@ def fill_sqlite(source: Source, manifest: dict[str, Any], file: Path) -> None:
     try:
         with database.engine.begin() as connection:
             connection.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
-            _fill(connection, source, shapes(manifest, "database"), "rows")
+            _fill(connection, source, shapes(manifest["database"]), "rows")
             _numbers(connection)
         with database.engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
             connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -106,7 +108,7 @@ def _put_back(source: Source, store: RawStore, digest: str, folder: Path) -> Non
         store.put_file(Path(held.name), digest)
 
 
-def _into_sqlite(source: Source, manifest: dict[str, Any], url: str) -> None:
+def _into_sqlite(source: Source, manifest: BackupManifest, url: str) -> None:
     final = Path(make_url(url).database or "")
     jobs = Path(make_url(system_url(url)).database or "")
     new, new_jobs = final.with_name(final.name + _RESTORING), jobs.with_name(jobs.name + _RESTORING)
@@ -120,7 +122,7 @@ def _into_sqlite(source: Source, manifest: dict[str, Any], url: str) -> None:
             engine_url = f"sqlite:///{new_jobs}"
             DBOS.migrate(engine_url)
             with _plain(engine_url) as connection:
-                _fill_engine(connection, source, manifest, None)
+                _fill_engine(connection, source, manifest["engine"], manifest["database"]["kind"], None)
         _remove_logs(jobs)
         if new_jobs.exists():
             os.replace(new_jobs, jobs)
@@ -133,7 +135,7 @@ def _into_sqlite(source: Source, manifest: dict[str, Any], url: str) -> None:
             _remove_sqlite(file)
 
 
-def _into_postgres(source: Source, manifest: dict[str, Any], url: str) -> None:
+def _into_postgres(source: Source, manifest: BackupManifest, url: str) -> None:
     database = Database(url)
     try:
         with database.engine.begin() as connection:
@@ -149,8 +151,8 @@ def _into_postgres(source: Source, manifest: dict[str, Any], url: str) -> None:
         with database.engine.begin() as connection:
             connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
             if manifest["engine"]:
-                _fill_engine(connection, source, manifest, ENGINE_SCHEMA)
-            _fill(connection, source, shapes(manifest, "database"), "rows")
+                _fill_engine(connection, source, manifest["engine"], manifest["database"]["kind"], ENGINE_SCHEMA)
+            _fill(connection, source, shapes(manifest["database"]), "rows")
             _numbers(connection)
         upgrade(url)
     finally:
@@ -167,10 +169,11 @@ def _fill(connection: Connection, source: Source, tables: list[Rows], kind: str)
             load(connection, shape, file)
 
 
-def _fill_engine(connection: Connection, source: Source, manifest: dict[str, Any], schema: str | None) -> None:
-    tables = [shape._replace(schema=schema) for shape in shapes(manifest, "engine")]
-    ours, theirs = engine_version(connection), manifest["engine"]["version"]
-    if manifest["database"]["kind"] != connection.dialect.name:
+def _fill_engine(connection: Connection, source: Source, kept: EngineState, kind: str, schema: str | None) -> None:
+    """Put the engine's tables back, which came from a database of a kind, into a schema."""
+    tables = [shape._replace(schema=schema) for shape in shapes(kept)]
+    ours, theirs = engine_version(connection), kept["version"]
+    if kind != connection.dialect.name:
         # each kind of database has its own migrations of the engine, and tables that only they need
         here = {table.name: set(table.c.keys()) for table in engine_tables(connection)}
         tables = [_narrowed(shape, here[shape.table]) for shape in tables if shape.table in here]

@@ -29,6 +29,7 @@ from sqlalchemy import (
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.types import JSON
 
+from service.documents import RowValues
 from service.storage.tables import UtcDateTime
 
 PLAIN, AS_JSON, INSTANT, BYTES = "plain", "json", "instant", "bytes"
@@ -118,11 +119,11 @@ def _out(kind: str, value: Any) -> Any:
     return value
 
 
-def _in(shape: Rows, line: bytes) -> dict[str, Any]:
+def _in(shape: Rows, line: bytes) -> RowValues:
     found = json.loads(line)
     if not isinstance(found, list) or len(found) != len(shape.columns):
         raise ValueError(f"a line of {shape.table} has not its {len(shape.columns)} columns")
-    row: dict[str, Any] = {}
+    row: RowValues = {}
     for (name, kind), value in zip(shape.columns, found, strict=True):
         if kind == SKIPPED:
             continue

@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, CursorResult, or_, select, update
 from sqlalchemy.orm import Session
 
 from service.answers import verdicts as answers
+from service.documents import JsonObject
 from service.errors import Problem
 from service.history.archive import Archive
 from service.history.codec import trend_to_json, verdict_to_json
@@ -211,7 +212,7 @@ def claimed(
     return cast("CursorResult[Any]", taken).rowcount == 1
 
 
-def _kept_standing(made: Folded) -> dict[str, Any] | None:
+def _kept_standing(made: Folded) -> JsonObject | None:
     return made.standing.to_json() if made.standing else None
 
 

@@ -5,7 +5,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
 
 from service.history.analysis import RecordAnalysis, keep_analysis
 from service.history.overview import overview_of
@@ -70,7 +69,7 @@ def fill(row: Record, pump_id: int, decoded: DecodedRecord, identity: str, analy
 
 def request_hash_of(operator: str, upload: Upload) -> str:
     """What the same request is recognised by."""
-    parts: dict[str, Any] = {
+    parts: dict[str, object] = {
         "operator": operator,
         "bytes": upload.file.digest,
         "type": upload.content_type.partition(";")[0].strip().lower(),
@@ -86,7 +85,7 @@ def request_hash_of(operator: str, upload: Upload) -> str:
 def identity_hash_of(operator: str, digest: str, decoded: DecodedRecord, mapping: MappingVersion | None) -> str:
     """What the same operator, bytes and effective metadata are recognised by."""
     metadata = decoded.metadata
-    effective: dict[str, Any] = {
+    effective = {
         name: str(getattr(metadata, name)) for name in metadata.__slots__ if name not in ("foreign", "operator")
     }
     parts = {"operator": operator, "bytes": digest, "metadata": effective}

@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
+from service.documents import JsonObject
 from service.errors import Conflict, Fault, Invalid
 from service.storage.tables import StoredCircuit
 from twin.pumps.circuit_sets import CIRCUIT_SETS, CircuitSet, circuit_document, circuit_set_from
@@ -37,7 +38,7 @@ def asked_circuit(session: Session, operator: str | None, name: str, where: str)
     return known[name]
 
 
-def store_circuit(session: Session, operator: str | None, document: dict[str, Any], author: str) -> CircuitSet:
+def store_circuit(session: Session, operator: str | None, document: JsonObject, author: str) -> CircuitSet:
     """Store a circuit for one operator or, with None, for everybody.
 
     Raises

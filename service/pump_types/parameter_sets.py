@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
+from service.documents import JsonObject
 from service.errors import Conflict, Fault, Invalid
 from service.storage.tables import StoredPumpType
 from twin.parameters import PumpType
@@ -64,7 +65,7 @@ def types(session: Session, operator: str | None) -> list[PumpType]:
     return [kind for _, kind in sorted((stored | dict(PUMP_TYPES)).items())]
 
 
-def store(session: Session, operator: str | None, document: dict[str, Any], author: str) -> PumpType:
+def store(session: Session, operator: str | None, document: JsonObject, author: str) -> PumpType:
     """Store a pump type for one operator or, with None, for everybody.
 
     Raises

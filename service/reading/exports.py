@@ -16,11 +16,12 @@ from sqlalchemy import Select, select, tuple_
 from detectors.words.verdict import TREND_METRICS
 from service.access.security import Principal
 from service.answers import cells
+from service.documents import RowValues
 from service.errors import NotFound, UnknownType
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment
 
-Row = dict[str, Any]
+Row = RowValues
 _PAGE = 500
 _MEANS = (
     "discharge_pressure_bar",

@@ -182,7 +182,7 @@ def _parts(points: Sequence[TrendPoint], limit: float) -> _Parts | NoForecast:
     if falls is not None:
         return NoForecast(f"flight hours fall from {falls[0]:g} to {falls[1]:g} within one installation: correct them")
     estimates, shared = _estimates(dated)
-    return _Parts([forecast(estimates, limit - node * shared) for node, _ in _NODES], shared)
+    return _Parts([forecast(estimates, limit - node * shared, unit="L/min") for node, _ in _NODES], shared)
 
 
 def _falling(dated: Sequence[TrendPoint]) -> tuple[float, float] | None:

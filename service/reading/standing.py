@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from service.answers.verdicts import Verdict
 from service.answers.words import instant
+from service.documents import JsonObject
 from service.reading import queries
 from service.reading.by_link import ByLink, links
 from service.reading.queries import Listed
@@ -56,7 +57,7 @@ class Standing:
         """True where its silence is unusual by an instant."""
         return datetime.fromisoformat(self.unusual_from) < now
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> JsonObject:
         """As it is kept."""
         return asdict(self)
 

@@ -12,6 +12,7 @@ from service.access.security import Principal
 from service.answers import registry as answers
 from service.answers.words import instant
 from service.bodies import Body
+from service.documents import JsonObject
 from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
 from service.history.knowledge import registry_values
@@ -77,7 +78,7 @@ class NewAircraft(AircraftChange):
     operator: Name | None = None
 
 
-_DEFAULTS: dict[str, Any] = {
+_DEFAULTS: JsonObject = {
     "aircraft_type": None,
     "fluid": None,
     "circuit": DEFAULT_CIRCUIT,
@@ -149,7 +150,7 @@ def change(session: Session, row: Aircraft, body: AircraftChange, author: str, a
         fold_behind(session, pumps, archive, Cause("aircraft_changed", row.name))
 
 
-def _around(session: Session, operator: str, circuit: str) -> dict[str, Any]:
+def _around(session: Session, operator: str, circuit: str) -> JsonObject:
     """A stored circuit's document beside its name: it is never changed, and a fold needs no look into another table.
 
     Raises
@@ -173,7 +174,7 @@ def check_sensors(sensors: Sequence[SensorEntry]) -> None:
         raise Invalid("a channel has one sensor at a time; nothing was changed", faults)
 
 
-def _append(session: Session, row: Aircraft, values: dict[str, Any], author: str) -> None:
+def _append(session: Session, row: Aircraft, values: JsonObject, author: str) -> None:
     session.add(
         RegistryVersion(
             operator=row.operator,

@@ -15,6 +15,7 @@ from service.access import audit
 from service.access.security import Principal
 from service.answers import cells
 from service.bodies import Body
+from service.documents import RowValues
 from service.errors import Fault, Invalid, Problem, Undecodable
 from service.history.archive import Archive
 from service.history.neighbours import look_alikes
@@ -231,17 +232,17 @@ _APPLY: Mapping[Kind, Callable[[Session, Principal, Any, Archive, set[int]], _Ou
 }
 
 
-def _pump_rows(session: Session, principal: Principal) -> Iterator[dict[str, Any]]:
+def _pump_rows(session: Session, principal: Principal) -> Iterator[RowValues]:
     for row in session.scalars(queries.pumps(principal)):
         yield {name: getattr(row, name) for name in columns("pumps")}
 
 
-def _aircraft_rows(session: Session, principal: Principal) -> Iterator[dict[str, Any]]:
+def _aircraft_rows(session: Session, principal: Principal) -> Iterator[RowValues]:
     for row in session.scalars(aircraft.listed(principal)):
         yield dict(aircraft.document(session, row))
 
 
-def _installation_rows(session: Session, principal: Principal) -> Iterator[dict[str, Any]]:
+def _installation_rows(session: Session, principal: Principal) -> Iterator[RowValues]:
     query = select(Installation, Pump.operator, Pump.serial).join(Pump, Installation.pump_id == Pump.id)
     query = query.where(Installation.withdrawn_at.is_(None))
     if principal.operator is not None:

@@ -2,18 +2,19 @@
 
 import uuid
 from datetime import UTC, datetime
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.documents import RowValues
 from service.errors import NotFound
 from service.storage.tables import Entry, Pump
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 
 
-def add(session: Session, table: type[AnyEntry], pump: Pump, author: str, values: dict[str, Any]) -> AnyEntry:
+def add(session: Session, table: type[AnyEntry], pump: Pump, author: str, values: RowValues) -> AnyEntry:
     """Add a new entry."""
     return _added(session, table, pump, uuid.uuid4().hex, author, datetime.now(UTC), values)
 
@@ -33,7 +34,7 @@ def entry(session: Session, table: type[AnyEntry], pump: Pump, entry_id: str) ->
     return row
 
 
-def correct(session: Session, row: AnyEntry, pump: Pump, author: str, values: dict[str, Any]) -> AnyEntry:
+def correct(session: Session, row: AnyEntry, pump: Pump, author: str, values: RowValues) -> AnyEntry:
     """End a row and put a corrected one of the same id in its place, at the same instant."""
     row.withdrawn_at = now = datetime.now(UTC)
     return _added(session, type(row), pump, row.id, author, now, values)
@@ -52,7 +53,7 @@ def _added(
     entry_id: str,
     author: str,
     now: datetime,
-    values: dict[str, Any],
+    values: RowValues,
 ) -> AnyEntry:
     own = {"id": entry_id, "pump_id": pump.id, "author": author, "recorded_at": now, "withdrawn_at": None}
     row = table(**own, **values)

@@ -7,15 +7,19 @@ import json
 import zipfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from sqlalchemy import Table, select
 
+from service.documents import RowValues
 from service.errors import Unavailable
 from service.identity import software
 from service.registry.ownership import owned_tables, rows_of
 from service.storage.database import Database
 from service.storage.raw_store import RawStore
+
+if TYPE_CHECKING:
+    from service.answers import verdicts as answers
 
 _SECRET_COLUMNS = frozenset({"key_hash", "password_hash", "token_hash", "csrf_token", "secret"})
 """Never leave the database, not even for their owner."""
@@ -23,6 +27,17 @@ EXPORT = "casedrain export 1"
 MANIFEST = "manifest.json"
 _BATCH = 200
 """Rows that a stream fetches at once (our choice)."""
+
+
+class ExportManifest(TypedDict):
+    """What an export says of itself: the schema's revision, and SHA-256 of each table's file."""
+
+    format: str
+    operator: str
+    made_at: str
+    software: "answers.Software"
+    revision: str | None
+    tables: dict[str, str]
 
 
 class _Drain(io.RawIOBase):
@@ -81,7 +96,7 @@ def export_stream(database: Database, raw_store: RawStore, operator: str) -> Ite
     yield drain.fresh_bytes()
 
 
-def _manifest(database: Database, operator: str, sums: dict[str, str]) -> dict[str, Any]:
+def _manifest(database: Database, operator: str, sums: dict[str, str]) -> ExportManifest:
     return {
         "format": EXPORT,
         "operator": operator,
@@ -92,7 +107,7 @@ def _manifest(database: Database, operator: str, sums: dict[str, str]) -> dict[s
     }
 
 
-def _rows(database: Database, table: Table, operator: str) -> Iterator[dict[str, Any]]:
+def _rows(database: Database, table: Table, operator: str) -> Iterator[RowValues]:
     columns = [column for column in table.c if column.name not in _SECRET_COLUMNS]
     query = select(*columns).where(rows_of(table, operator)).order_by(*table.primary_key)
     with database.reading() as session:

@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from pydantic import ConfigDict, Field
 from sqlalchemy import select
@@ -12,6 +11,7 @@ from sqlalchemy.orm import Session
 from service.answers.history import PlaceInTime
 from service.answers.words import instant
 from service.bodies import Body
+from service.documents import RowValues
 from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
 from service.history.arrival import known_aircraft
@@ -168,7 +168,7 @@ def _close(inferred: Iterable[_Stay], starts: Iterable[datetime]) -> None:
             stay.end = min(later)
 
 
-def _checked(session: Session, pump: Pump, body: NewInstallation, old: Installation | None) -> dict[str, Any]:
+def _checked(session: Session, pump: Pump, body: NewInstallation, old: Installation | None) -> RowValues:
     if body.end is not None and body.end <= body.start:
         raise Invalid(
             "an installation ends after it starts; nothing was changed", [Fault("body.to", "is not after from")]

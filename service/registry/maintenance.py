@@ -1,6 +1,6 @@
 """Maintenance: what was done to a pump or around it; it frees what it names and nothing else."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, ConfigDict, ValidationInfo, field_validator
 from sqlalchemy.orm import Session
@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 from service.answers import history as answers
 from service.answers.words import instant
 from service.bodies import Body, known_fluid
+from service.documents import RowValues
 from service.errors import Fault, Invalid
 from service.history.archive import Archive
 from service.monitoring.behind import fold_behind
@@ -97,7 +98,7 @@ def change(
         naming every detail that does not belong to the action.
     """
     row = entry(session, MaintenanceEvent, pump, entry_id)
-    held: dict[str, Any] = {"at": row.at, "action": row.action, "note": row.note}
+    held: RowValues = {"at": row.at, "action": row.action, "note": row.note}
     values = held | body.model_dump(include=set(held), exclude_none=True)
     faults = []
     for name, action in _BELONGS.items():

@@ -1,13 +1,13 @@
 """Pumps: registered, confirmed, given another type, with every version kept."""
 
 from datetime import UTC, datetime
-from typing import Any
 
 from pydantic import ConfigDict
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from service.bodies import Body
+from service.documents import JsonObject
 from service.errors import Conflict
 from service.history.archive import Archive
 from service.history.knowledge import registry_values
@@ -73,7 +73,7 @@ def change(session: Session, pump: Pump, body: PumpChange, author: str, archive:
     """
     if body.pump_type is not None:
         asked_type(session, pump.operator, body.pump_type, "body.pump_type")
-    values: dict[str, Any] = {"pump_type": body.pump_type or pump.pump_type, "confirmed": body.confirmed}
+    values: JsonObject = {"pump_type": body.pump_type or pump.pump_type, "confirmed": body.confirmed}
     if values == registry_values(session, pump.operator, "pump", pump.serial):
         return
     _append(session, pump, values, author)
@@ -81,7 +81,7 @@ def change(session: Session, pump: Pump, body: PumpChange, author: str, archive:
     fold_behind(session, [pump], archive, Cause("pump_changed", pump.serial))
 
 
-def _append(session: Session, pump: Pump, values: dict[str, Any], author: str) -> None:
+def _append(session: Session, pump: Pump, values: JsonObject, author: str) -> None:
     session.add(
         RegistryVersion(
             operator=pump.operator,

@@ -55,7 +55,7 @@ def report_html(
                 "curve": Markup(chapter["curve"]) if chapter.get("curve") else None,  # noqa: S704
                 "figures": [Markup(svg) for svg in trend_figures(chapter, system)],  # noqa: S704 - made by us
                 "remarks": remarks(chapter["verdict"], system),
-                "steps": steps(chapter["verdict"]),
+                "steps": steps(chapter["verdict"], system),
             }
             for chapter in ordered
         ],

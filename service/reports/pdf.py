@@ -10,6 +10,7 @@ from service.reports.content import Period
 from service.reports.page import counts_by_state, in_order, trend_figures
 from service.reports.paper import Paper
 from service.reports.remarks import remarks, steps
+from service.reports.sentences import in_units
 from service.reports.state_picture import COLOURS
 from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
 from service.units import METRIC, UnitSystem
@@ -54,8 +55,7 @@ def job_card_pdf(chapter: Mapping[str, Any], author: str, system: UnitSystem = M
 
 
 def _units(system: UnitSystem) -> str:
-    said = f"Pressures in {system.word('bar')} gauge, times in UTC, intervals 90 % unless said otherwise."
-    return f"{said} Sentences stored with a verdict keep bar, L/min and °C." if system.foreign else said
+    return f"Pressures in {system.word('bar')} gauge, times in UTC, intervals 90 % unless said otherwise."
 
 
 def _summary(paper: Paper, whole: Mapping[str, Any], chapters: Sequence[Mapping[str, Any]]) -> None:
@@ -134,11 +134,11 @@ def _chapter(paper: Paper, chapter: Mapping[str, Any], system: UnitSystem) -> No
     is_card = "curve" in chapter
     if is_card:
         paper.heading("Steps", 3)
-        paper.listed(steps(verdict), "☐")
+        paper.listed(steps(verdict, system), "☐")
     else:
-        paper.para(verdict["advice"])
+        paper.para(in_units(verdict["advice"], system))
         if verdict["resolving_measurement"]:
-            paper.para(f"What would tell: {verdict['resolving_measurement']}.")
+            paper.para(in_units(f"What would tell: {verdict['resolving_measurement']}.", system))
     paper.heading("Evidence", 3)
     if is_card:
         shares = sorted(((verdict["probabilities"].get(c, 0.0), WORDS[c]) for c in CAUSES), reverse=True)
@@ -183,7 +183,7 @@ def _estimates(paper: Paper, verdict: Mapping[str, Any], system: UnitSystem) -> 
 def _forecast(forecast: Mapping[str, Any], system: UnitSystem) -> str:
     hours = forecast["flight_hours"]
     if not hours:
-        return f"No forecast: {forecast['reason']}."
+        return in_units(f"No forecast: {forecast['reason']}.", system)
     return (
         f"Forecast: case flow reaches its limit of {system.said(forecast['limit'], 'L/min', 2)} in about "
         f"{forecast['median_flight_hours']:.0f} flight hours ({hours['low']:.0f} to {hours['high']:.0f})."
@@ -207,7 +207,8 @@ def _happened(paper: Paper, chapter: Mapping[str, Any], system: UnitSystem) -> N
     """Verdicts, alarms and findings of the period."""
     if chapter["changes"]:
         paper.heading("Verdicts", 3)
-        paper.listed([f"{_date(c['at'])}: {_state(c['state'])} – {c['advice']}" for c in chapter["changes"]])
+        said = [(_date(c["at"]), _state(c["state"]), in_units(c["advice"], system)) for c in chapter["changes"]]
+        paper.listed([f"{at}: {state} – {advice}" for at, state, advice in said])
     if chapter["alarms"]:
         paper.heading("Alarms", 3)
         paper.listed([_alarm(alarm) for alarm in chapter["alarms"]])

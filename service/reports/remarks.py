@@ -7,6 +7,7 @@ from typing import NamedTuple
 from detectors.words.states import row_of
 from detectors.words.verdict import ESTIMATES
 from service.answers.verdicts import BlindSpot, MissingEvidence, Verdict
+from service.reports.sentences import in_units
 from service.reports.words import ACTION_WORDS, ESTIMATE_NAMES
 from service.units import METRIC, UnitSystem
 
@@ -21,17 +22,22 @@ class Remark(NamedTuple):
 def remarks(verdict: Verdict, system: UnitSystem = METRIC) -> list[Remark]:
     """Remarks on a verdict in the shape of the API; nothing of what it does not say, nor of what older releases knew not.
 
-    Numbers are in the reader's units; what the verdict brings as words stays as it was written.
+    Numbers are in the reader's units, also where the verdict brings them as words.
     """
     found = [Remark(heading, tuple(said(verdict, system))) for heading, said in _SAID]
     return [remark for remark in found if remark.sentences]
 
 
-def steps(verdict: Verdict) -> list[str]:
+def steps(verdict: Verdict, system: UnitSystem = METRIC) -> list[str]:
     """What to do one after the other: the advice, what would tell, what is still to be recorded, and to write it down."""
     resolving = verdict["resolving_measurement"]
     found = [verdict["advice"], *([] if resolving is None else [f"What would tell: {resolving}."])]
-    found += [f"Record {_evidence(item)}." for item in verdict.get("missing_evidence", []) if item["what"] != resolving]
+    found += [
+        f"Record {_evidence(item, METRIC)}."
+        for item in verdict.get("missing_evidence", [])
+        if item["what"] != resolving
+    ]
+    found = [in_units(step, system) for step in found]
     return [*found, "Enter what was found and what was done on the page of the pump: verdicts rest on it."]
 
 
@@ -54,7 +60,7 @@ def _blind_spot(spot: BlindSpot, system: UnitSystem) -> str:
     size = "of any size"
     if spot["below"] is not None:
         size = f"below {system.value(spot['below'], unit):.2g} {system.word(unit)}".rstrip()
-    return f"{words}: changes {size} stay unseen, because {spot['because']}"
+    return f"{words}: changes {size} stay unseen, because {in_units(spot['because'], system)}"
 
 
 def _intermittent(verdict: Verdict, _system: UnitSystem) -> list[str]:
@@ -72,14 +78,14 @@ def _resolved(verdict: Verdict, _system: UnitSystem) -> list[str]:
     return [f"{_word(found['state'])} ended on {_day(found['at'])}: {done}"]
 
 
-def _missing(verdict: Verdict, _system: UnitSystem) -> list[str]:
-    return [_evidence(item) for item in verdict.get("missing_evidence", [])]
+def _missing(verdict: Verdict, system: UnitSystem) -> list[str]:
+    return [_evidence(item, system) for item in verdict.get("missing_evidence", [])]
 
 
-def _evidence(item: MissingEvidence) -> str:
+def _evidence(item: MissingEvidence, system: UnitSystem) -> str:
     count = f"{item['records']} record{'' if item['records'] == 1 else 's'}"
     between = " and ".join(_word(cause) for cause in item["would_decide"])
-    return f"{item['what']}, {count}" + (f": would decide between {between}" if between else "")
+    return f"{in_units(item['what'], system)}, {count}" + (f": would decide between {between}" if between else "")
 
 
 def _limit(verdict: Verdict, _system: UnitSystem) -> list[str]:

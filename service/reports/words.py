@@ -8,6 +8,7 @@ from jinja2 import pass_context
 from jinja2.runtime import Context as Variables
 
 from detectors.words.states import STATES
+from service.reports.sentences import in_units
 from service.units import UnitSystem, unit_of
 
 WORDS: Mapping[str, str] = {state.value: row.label for state, row in STATES.items()}
@@ -71,6 +72,11 @@ def _plain(variables: Variables, value: float, unit: str) -> str:
 
 
 @pass_context
+def _sentence(variables: Variables, text: str) -> str:
+    return in_units(text, _system(variables))
+
+
+@pass_context
 def _text(variables: Variables, value: float, unit: str) -> str:
     return _system(variables).text(value, unit)
 
@@ -88,6 +94,7 @@ FILTERS: Mapping[str, Callable[..., Any]] = {
     "said": _said,
     "plain": _plain,
     "field": _text,
+    "in_units": _sentence,
     "unit_of": unit_of,
 }
 """Filters of the templates."""

@@ -10,16 +10,39 @@ import secrets
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TypedDict, cast
 
 from sqlalchemy.orm import Session
 
+from service.documents import JsonObject
 from service.storage.audit_key import AuditKey, is_signed
 from service.storage.tables import AuditEntry, AuditHead, AuditLink
 
 NOTED = "audit-entries"
 """Where a session keeps the entries that its commit shall chain."""
 HEAD_ID = 1
+
+
+class HeadSaid(TypedDict):
+    """A head as JSON says it."""
+
+    chain_id: str
+    count: int
+    link: str
+    public_key: str
+    signature: str
+
+
+class EntrySaid(TypedDict):
+    """An entry of the log as its hash is over: an instant in RFC 3339 to the microsecond, who did what to which subject."""
+
+    at: str
+    actor: str
+    role: str
+    operator: str | None
+    action: str
+    subject: str
+    details: JsonObject
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +55,9 @@ class Head:
     public_key: str
     signature: str
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> HeadSaid:
         """As proofs and backups say it."""
-        return asdict(self)
+        return cast("HeadSaid", asdict(self))
 
     @property
     def is_signed(self) -> bool:
@@ -62,7 +85,7 @@ def link_hash(before: str, position: int, entry_id: int, content_hash: str) -> s
     return _hash(f"{before}\n{position}\n{entry_id}\n{content_hash}")
 
 
-def content_hash(salt: str, content: dict[str, Any]) -> str:
+def content_hash(salt: str, content: EntrySaid) -> str:
     """Salted hash of an entry in the shape of ``content_of``.
 
     Numbers count by their value: 2.0 and 2 are the same to a database of JSON.
@@ -76,7 +99,7 @@ def head_message(chain_id: str, count: int, link: str) -> bytes:
     return f"casedrain audit head 1\n{chain_id}\n{count}\n{link}\n".encode()
 
 
-def content_of(entry: AuditEntry) -> dict[str, Any]:
+def content_of(entry: AuditEntry) -> EntrySaid:
     """Everything that an entry says, as JSON."""
     return {
         "at": entry.at.astimezone(UTC).isoformat(timespec="microseconds"),

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from alembic import command
 from alembic.config import Config
@@ -25,7 +25,16 @@ from service.storage.failures import UNSTORABLE
 _CONNECT_TIMEOUT_S = 5
 _POOL_TIMEOUT_S = 10
 """Longest wait for a connection of the pool; then the request is told to come back."""
-_JSON: dict[str, Any] = {"json_serializer": json_text.written, "json_deserializer": json_text.read}
+
+
+class _JsonWays(TypedDict):
+    """How an engine writes and reads JSON columns."""
+
+    json_serializer: Callable[[Any], str]
+    json_deserializer: Callable[[str | bytes], Any]
+
+
+_JSON: _JsonWays = {"json_serializer": json_text.written, "json_deserializer": json_text.read}
 _MIGRATION_LOCK = 7_263_901_455
 """Number of the advisory lock that whoever migrates holds (our choice)."""
 _AFTERWARDS = "afterwards"

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -12,6 +11,7 @@ from sqlalchemy.orm import Session
 from detectors.judgement.population import Posterior, Rate, Spread, learnt, learnt_rates, posterior_of
 from detectors.judgement.snapshot import fold_from
 from detectors.words.verdict import Resolved, State
+from service.documents import JsonObject
 from service.errors import Fault, Invalid
 from service.history.archive import Archive
 from service.history.knowledge import entries, knowledge
@@ -32,7 +32,7 @@ _SEASON = timedelta(days=90)
 class FleetPriors:
     """The learnt pump type as a document that ``POST /pump-types`` takes, and what it was learnt from."""
 
-    document: dict[str, Any]
+    document: JsonObject
     kind: PumpType
     spreads: tuple[Spread, ...]
     rates: tuple[Rate, ...]

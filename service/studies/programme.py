@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from service.documents import JsonObject
 from service.studies.simulation.writer import record_writer
 from twin.condition import Health
 from twin.identification import MEASURED
@@ -28,7 +28,7 @@ _CONDITION = ("speed_rpm", "fluid_temperature_degc", "reservoir_pressure_bar")
 class RanTest:
     """What a test gave: its points as plain values, the files written, and which runs stopped early, in words."""
 
-    points: tuple[dict[str, Any], ...]
+    points: tuple[JsonObject, ...]
     files: tuple[Path, ...]
     stopped: tuple[str, ...]
 
@@ -54,7 +54,7 @@ def run_test(name: str, kind: PumpType, circuit: CircuitSet, folder: Path) -> Ra
     return _dynamic(name, kind, circuit, folder)
 
 
-def _point(test: SteadyTest) -> dict[str, Any]:
+def _point(test: SteadyTest) -> JsonObject:
     condition = test.condition._asdict()
     values = {} if test.problem else {n: float(test.state.value(n)[0]) for n in ("discharge_flow_lpm", *MEASURED)}
     known = {name: condition[name] for name in _CONDITION}
@@ -98,5 +98,5 @@ def _dynamic(name: str, kind: PumpType, circuit: CircuitSet, folder: Path) -> Ra
     return RanTest(tuple(points), tuple(files), tuple(stopped))
 
 
-def _change(test: DynamicTest, problem: str | None) -> dict[str, Any]:
+def _change(test: DynamicTest, problem: str | None) -> JsonObject:
     return {"number": test.number, "change": test.change, "duration_s": test.scenario.duration_s, "problem": problem}

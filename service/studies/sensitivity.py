@@ -62,7 +62,7 @@ class Sensitivity:
 
     def json(self) -> str:
         """All numbers as JSON."""
-        document: dict[str, Any] = {
+        document = {
             "method": self.method,
             "factors": list(self.factors),
             "points": self.points,

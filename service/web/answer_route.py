@@ -12,6 +12,7 @@ from fastapi.routing import APIRoute
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
+from service.documents import JsonObject
 from service.errors import Fault, Invalid
 
 Endpoint = Callable[..., Any]
@@ -97,7 +98,7 @@ def declared_parameters(route: APIRoute) -> list[str]:
         dependant = waiting.pop()
         found += [field.alias for field in dependant.query_params]
         waiting += dependant.dependencies
-    beside: Iterable[dict[str, Any]] = (route.openapi_extra or {}).get("parameters", ())
+    beside: Iterable[JsonObject] = (route.openapi_extra or {}).get("parameters", ())
     return list(dict.fromkeys([*found, *(p["name"] for p in beside if p["in"] == "query")]))
 
 

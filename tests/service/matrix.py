@@ -365,6 +365,8 @@ def seeded(client: TestClient, operator: str, serial: str) -> dict[str, str]:
     admin = key(client, "admin", operator, owner=f"head of {operator}")
     upload = record_body({**record_document(), "pump_serial": serial, "flight_id": f"flight-{operator}"})
     record = client.post(f"{API}/records", content=upload, headers={**_JSON, **admin}).json()["record_id"]
+    wrong = record_body({**record_document(), "pump_serial": serial, "started_at": f"noon in the {operator}"})
+    assert client.post(f"{API}/records", content=wrong, headers={**_JSON, **admin}).status_code == 422
     hook = client.post(f"{API}/webhooks", json={"url": f"https://hooks.test/{operator}"}, headers=admin).json()["id"]
     made = client.post(f"{API}/keys", json={"owner": f"office of {operator}", "role": "viewer"}, headers=admin).json()
     user = f"user-of-{operator}"

@@ -8,7 +8,8 @@ import pytest
 from fastapi.testclient import TestClient
 from pypdf import PdfReader
 
-from service.units import US, unit_of
+from service.reports.sentences import in_units
+from service.units import SYSTEMS, US, unit_of
 from tests.service.finished_job import finished
 from tests.service.records import body
 
@@ -46,7 +47,8 @@ def test_a_job_card_says_what_the_verdict_says(worn_client: TestClient) -> None:
         assert (answer.status_code, answer.headers["content-type"]) == (200, "application/pdf")
         found = pages(answer.content)
         first, whole = found[0], " ".join(found)
-        for words in (verdict["advice"], f"Pump {serial}", "Work order", "Signature", "Inspected by"):
+        told = in_units(verdict["advice"], SYSTEMS[system])
+        for words in (told, f"Pump {serial}", "Work order", "Signature", "Inspected by"):
             assert words in first, words
         assert f"twin {verdict['twin_version']}, thresholds {verdict['threshold_version']}" in first
         for k, page in enumerate(found, 1):

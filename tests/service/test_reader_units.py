@@ -1,5 +1,6 @@
 """Units that a reader chooses: pages, pictures and forms speak them, what is stored and what the API says does not change."""
 
+import html
 import re
 from collections.abc import Iterator
 from fractions import Fraction
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from detectors.drawing.svg import Frame, axes
 from service.demo.fleet import DemoRecord
 from service.ingest.conversion import conversion
+from service.reports.sentences import in_units
 from service.units import METRIC, SYSTEMS, US, unit_of
 from tests.service.guarded import guarded_client, key
 from tests.service.histories import write_history
@@ -105,33 +107,38 @@ def test_an_axis_says_round_numbers_of_its_unit_where_they_lie() -> None:
 
 
 class _Seen(HTMLParser):
-    """Words of cells, labels and pictures, and attributes that are read out; not what is stored as a sentence."""
+    """Words of cells, labels, pictures and sentences, and attributes that are read out."""
 
-    WATCHED = ("th", "td", "label", "text", "title", "desc", "summary")
+    WATCHED = ("th", "td", "label", "text", "title", "desc", "summary", "dt", "footer")
+    SENTENCES = ("p", "li", "dd")
     READ = ("aria-label", "data-unit", "data-label", "alt")
     VOID = ("input", "meta", "link", "br", "img", "hr", "option")
 
     def __init__(self) -> None:
         super().__init__()
-        self.open: list[tuple[str, bool]] = []
+        self.open: list[str] = []
         self.words: list[str] = []
+        self.sentences: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         held = dict(attrs)
         self.words += [held[name] or "" for name in self.READ if name in held]
         if tag not in self.VOID:
-            self.open.append((tag, "written" in (held.get("class") or "").split()))
+            self.open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
-        while any(t == tag for t, _ in self.open) and self.open.pop()[0] != tag:
+        while tag in self.open and self.open.pop() != tag:
             pass
 
     def handle_data(self, data: str) -> None:
-        if any(tag in self.WATCHED for tag, _ in self.open) and not any(written for _, written in self.open):
+        if any(tag in self.WATCHED for tag in self.open):
             self.words.append(data)
+        elif any(tag in self.SENTENCES for tag in self.open):
+            self.sentences.append(data)
 
 
-OURS = re.compile(r"\bbar\b|L/min|\blpm\b|°C|\[degC\]")
+MEASURED = re.compile(r"\d (bar|L/min|degC|°C|K)(?![\w/])")
+OURS = re.compile(r"\bbar\b|L/min|\blpm\b|°C|\[degC\]|\d degC")
 
 
 def choose(client: TestClient, units: str, token: str = "") -> None:
@@ -145,7 +152,8 @@ def spoken(client: TestClient, path: str) -> list[str]:
     seen = _Seen()
     seen.feed(page.text)
     assert seen.words, path
-    return seen.words
+    # a sentence may name a unit that data have, and holds no number in it
+    return [*seen.words, *(said for said in seen.sentences if MEASURED.search(said))]
 
 
 def test_every_page_in_psi_has_no_bar_in_tables_pictures_and_forms(
@@ -184,7 +192,9 @@ def test_every_page_in_psi_has_no_bar_in_tables_pictures_and_forms(
         shown = f'<td class="number">{US.figure(estimate["mean"], unit, 2)}</td>'
         assert shown in page, name
     assert "0.450" in page
-    assert "keep their bar, L/min and °C" in page
+    # sentences among them, which are stored in ours
+    assert "L/min" in told["advice"]
+    assert in_units(told["advice"], US) in html.unescape(page)
     assert 'data-unit="psi"' in client.get(f"/records/{record}").text
     # and those do not change
     assert client.get(f"{API}/pumps/{serial}/verdict").json() == told

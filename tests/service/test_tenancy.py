@@ -165,6 +165,10 @@ class TestOperators:
             before = everything(client, admin)
             beside = self.answers(client, north)
             assert everything(client, admin) == before
+            for kind in ("aircraft", "installations"):
+                told = client.get(f"/api/v1/registry/{kind}.csv", headers=key(client, "viewer", "south")).text
+                assert "SOUTH" in told.upper(), kind
+                assert "NORTH" not in told.upper(), kind
         for route, (status, text) in beside.items():
             expected = 404 if MATRIX[route].named else 422 if MATRIX[route].refused else None
             assert status == expected if expected else status < 300, (route, status)

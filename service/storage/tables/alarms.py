@@ -1,12 +1,12 @@
 """Alarms, what operators did about them, and the messages that tell others."""
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import ForeignKey, Index, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.answers.alarms import AlarmEvent
+from service.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 
@@ -103,7 +103,7 @@ class Message(Base):
     id: Mapped[str] = mapped_column(primary_key=True)
     operator: Mapped[str]
     event: Mapped[str]
-    payload: Mapped[dict[str, Any]]
+    payload: Mapped[JsonObject]
     created_at: Mapped[datetime] = mapped_column(index=True)
 
 

@@ -1,11 +1,11 @@
 """Who changed what, and when, and the chain that proves that nobody has changed it since."""
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import Index
 from sqlalchemy.orm import Mapped, mapped_column
 
+from service.documents import JsonObject
 from service.storage.tables.base import Base
 
 
@@ -25,7 +25,7 @@ class AuditEntry(Base):
     operator: Mapped[str | None]
     action: Mapped[str]
     subject: Mapped[str]
-    details: Mapped[dict[str, Any]]
+    details: Mapped[JsonObject]
     salt: Mapped[str | None]
 
 

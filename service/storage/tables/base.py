@@ -8,6 +8,8 @@ from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.types import TypeDecorator
 
+from service.documents import JsonObject
+
 
 class UtcDateTime(TypeDecorator[datetime]):
     """Instants in UTC on both databases; a naive datetime is a programming error and raises."""
@@ -45,7 +47,7 @@ class Base(DeclarativeBase):
     )
     type_annotation_map = {  # noqa: RUF012 - SQLAlchemy's own protocol
         datetime: UtcDateTime(),
-        dict[str, Any]: JSON_COLUMN,
+        JsonObject: JSON_COLUMN,
         list[Any]: JSON_COLUMN,
         str: String(),
     }

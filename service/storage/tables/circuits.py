@@ -1,11 +1,11 @@
 """Circuits that operators and engineers have added to the twin's own."""
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
+from service.documents import JsonObject
 from service.storage.tables.base import Base
 
 
@@ -18,6 +18,6 @@ class StoredCircuit(Base):
     id: Mapped[int] = mapped_column(primary_key=True)
     operator: Mapped[str | None]
     name: Mapped[str]
-    document: Mapped[dict[str, Any]]
+    document: Mapped[JsonObject]
     created_at: Mapped[datetime]
     author: Mapped[str]

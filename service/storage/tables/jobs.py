@@ -1,13 +1,13 @@
 """Work that outlasts a request, and what became of each of its items."""
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.answers.jobs import JobResult
 from service.answers.problems import Problem
+from service.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 QUEUED = "queued"
@@ -29,7 +29,7 @@ class Job(Base):
     status: Mapped[str]
     done: Mapped[int]
     total: Mapped[int | None]
-    parameters: Mapped[dict[str, Any]]
+    parameters: Mapped[JsonObject]
     result: Mapped[JobResult | None] = mapped_column(JSON_COLUMN)
     problem: Mapped[Problem | None] = mapped_column(JSON_COLUMN)
     cancel_requested: Mapped[bool]
@@ -49,4 +49,4 @@ class JobItem(Base):
     position: Mapped[int] = mapped_column(primary_key=True)
     name: Mapped[str]
     status: Mapped[str]
-    detail: Mapped[dict[str, Any]]
+    detail: Mapped[JsonObject]

@@ -1,11 +1,11 @@
 """Versions of channel mappings."""
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
+from service.documents import JsonObject
 from service.storage.tables.base import Base
 
 
@@ -21,6 +21,6 @@ class StoredMapping(Base):
     version: Mapped[int]
     aircraft_type: Mapped[str | None]
     description: Mapped[str]
-    document: Mapped[dict[str, Any]]
+    document: Mapped[JsonObject]
     author: Mapped[str]
     created_at: Mapped[datetime]

@@ -1,12 +1,12 @@
 """Operators: how long their raw data are kept, and proof that one was deleted."""
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.answers.administration import Receipt
+from service.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 
@@ -41,5 +41,5 @@ class Deletion(Base):
     reason: Mapped[str]
     started_at: Mapped[datetime]
     finished_at: Mapped[datetime | None]
-    pending: Mapped[dict[str, Any]]
+    pending: Mapped[JsonObject]
     receipt: Mapped[Receipt] = mapped_column(JSON_COLUMN)

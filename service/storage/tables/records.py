@@ -12,6 +12,7 @@ from sqlalchemy.orm import Mapped, mapped_column, validates
 from service.answers.problems import Problem
 from service.answers.records import Residual, StoredReduction, Withdrawal
 from service.answers.verdicts import Estimate, Verdict
+from service.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 STORED = "stored"
@@ -89,8 +90,8 @@ class Record(Base):
     flight_hours: Mapped[float | None]
     status: Mapped[str]
     problem: Mapped[Problem | None] = mapped_column(JSON_COLUMN)
-    request: Mapped[dict[str, Any]]
-    attributes: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    request: Mapped[JsonObject]
+    attributes: Mapped[JsonObject] = mapped_column(default=dict)
     content_hash: Mapped[str]
     content_type: Mapped[str]
     request_hash: Mapped[str] = mapped_column(index=True)
@@ -108,7 +109,7 @@ class Record(Base):
     has_spectrum: Mapped[bool | None]
     samples_hash: Mapped[str | None]
     remarks: Mapped[list[Any] | None]
-    reduced_by: Mapped[dict[str, Any] | None]
+    reduced_by: Mapped[JsonObject | None]
     waits_for: Mapped[int | None]
     overview: Mapped[bytes | None] = mapped_column(deferred=True)
 

@@ -1,12 +1,12 @@
 """Pumps, aircraft and reference curves: what an operator says about its own hardware."""
 
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import Index, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.answers.registry import ReferencePoints
+from service.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 
@@ -35,7 +35,7 @@ class Pump(Base):
     made_by: Mapped[int | None]
     made_with: Mapped[str | None]
     revision: Mapped[int] = mapped_column(default=0, server_default="0")
-    standing: Mapped[dict[str, Any] | None] = mapped_column(deferred=True)
+    standing: Mapped[JsonObject | None] = mapped_column(deferred=True)
     standing_at: Mapped[int | None]
     standing_link: Mapped[str | None]
 
@@ -71,7 +71,7 @@ class RegistryVersion(Base):
     operator: Mapped[str]
     kind: Mapped[str]
     name: Mapped[str]
-    values: Mapped[dict[str, Any]]
+    values: Mapped[JsonObject]
     recorded_at: Mapped[datetime]
     author: Mapped[str]
 

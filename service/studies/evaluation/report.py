@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import TypedDict
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
@@ -192,6 +192,46 @@ def _unit(quantity: str, unit: str) -> str:
     return "" if quantity in _PLAIN else "%"
 
 
+class _Drawn(TypedDict):
+    """A plot and its words."""
+
+    title: str
+    caption: str
+    svg: Markup
+
+
+class _ConfusionLine(TypedDict):
+    """How many pumps of a true side were called each side, in the order of ``Side``, and how many there are."""
+
+    truth: str
+    pumps: list[int]
+    n: int
+
+
+class _Confusion(TypedDict):
+    """A confusion of sides under one sensing."""
+
+    title: str
+    lines: list[_ConfusionLine]
+
+
+class _Section(TypedDict):
+    """A row of the study: its tables' cells are texts, one for each sensing."""
+
+    id: str
+    title: str
+    truth: str
+    flights: int
+    onset: int | None
+    sensings: list[str]
+    sizes: list[str]
+    headlines: list[tuple[str, list[str]]]
+    states: list[tuple[str, list[str]]]
+    by_reality: list[tuple[str, str, int, list[str]]]
+    by_reality_heads: Sequence[str]
+    plots: list[_Drawn]
+
+
 def _by_fault(rows: Sequence[RowResult]) -> dict[str, dict[str, RowResult]]:
     """Results by fault, then by sensing."""
     found: dict[str, dict[str, RowResult]] = {}
@@ -224,11 +264,11 @@ def _wish(target: Target, unit: str) -> str:
     return f"at least {low}" if math.isinf(target.high) else f"{low} to {high}"
 
 
-def _confusions(results: Results) -> list[dict[str, Any]]:
-    tables = []
+def _confusions(results: Results) -> list[_Confusion]:
+    tables: list[_Confusion] = []
     for burst in (False, True):
         table: Mapping[Side, Mapping[Side, int]] = side_confusion(results.rows, burst=burst)
-        lines = [
+        lines: list[_ConfusionLine] = [
             {"truth": truth.value, "pumps": [line[side] for side in Side], "n": sum(line.values())}
             for truth, line in table.items()
         ]
@@ -245,7 +285,7 @@ def _pooled_cells(results: Results) -> list[tuple[str, str, str]]:
     ]
 
 
-def _section(number: int, name: str, results: Mapping[str, RowResult]) -> dict[str, Any]:
+def _section(number: int, name: str, results: Mapping[str, RowResult]) -> _Section:
     first = next(iter(results.values())).row
     everything = [r.scopes[ALL_REALITIES] for r in results.values()]
 
@@ -279,7 +319,7 @@ def _scope_cells(scores: Mapping[str, Score], unit: str) -> list[str]:
     return [interval(q, scores[q], unit) if q in scores else "–" for q in _BY_REALITY]
 
 
-def _drawn(plots: Sequence[Plot], name: str) -> list[dict[str, Any]]:
+def _drawn(plots: Sequence[Plot], name: str) -> list[_Drawn]:
     return [
         {"title": p.title, "caption": p.caption, "svg": Markup(plot_svg(p, f"{name}-{i}"))}  # noqa: S704 - our own drawing
         for i, p in enumerate(plots)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
+from service.documents import JsonObject
 from service.ingest.metadata import KNOWN, checked_metadata
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, Condition, Health
 from twin.parameters import PumpType
@@ -127,7 +128,7 @@ class _Reader:
             return None
         return None if value is None else str(value)
 
-    def section(self, data: Mapping[str, Any], name: str) -> dict[str, Any]:
+    def section(self, data: Mapping[str, Any], name: str) -> JsonObject:
         table = data.get(name, {})
         if not isinstance(table, dict):
             self.faults.append(f"{name}: is {_kind(table)}, not a table")
@@ -216,7 +217,7 @@ def read_scenario(text: str, n_pistons: int) -> ScenarioFile:
     return ScenarioFile(scenario, rate, step, metadata, fluid, air, gaps or SLIPPER_GAPS[0])
 
 
-def _scenario(reader: _Reader, data: dict[str, Any], duration_s: float, hours: float) -> Scenario | None:
+def _scenario(reader: _Reader, data: JsonObject, duration_s: float, hours: float) -> Scenario | None:
     title = reader.text("title", data.get("title", ""))
     values = reader.inputs(data, "condition", CONDITION_INPUTS)
     missing = [name for name in CONDITION_INPUTS if name not in Condition._field_defaults and name not in values]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import TypedDict
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
@@ -75,7 +75,26 @@ def news(evidence: Mapping[str, Evidence]) -> list[str]:
     return [row.quantity for row in rows if row.within is False and not row.known_miss and not row.fitted]
 
 
-def rows_json(evidence: Mapping[str, Evidence]) -> list[dict[str, Any]]:
+RowSaid = TypedDict(
+    "RowSaid",
+    {
+        "evidence": str,
+        "quantity": str,
+        "unit": str,
+        "reference": float | None,
+        "value": float | None,
+        "tolerance": float | None,
+        "within": bool | None,
+        "fitted": bool,
+        "class": Class,
+        "known_miss": bool,
+        "note": str,
+    },
+)
+"""A row of JSON: what the evidence says and what the twin does, in ``unit``; None is no number."""
+
+
+def rows_json(evidence: Mapping[str, Evidence]) -> list[RowSaid]:
     """All rows as plain values; what is not a number is None."""
     return [
         {

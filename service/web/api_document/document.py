@@ -15,6 +15,7 @@ from service.access.turns import TooMany
 from service.answers.job_documents import JOB_DOCUMENTS
 from service.answers.problems import Problem as ProblemShape
 from service.answers.words import SHAPES
+from service.documents import JsonObject
 from service.errors import (
     PROBLEM_JSON,
     Conflict,
@@ -133,7 +134,7 @@ _PROBES = ("/healthz", "/readyz", "/metrics")
 """Who is never told that too much is asked (429), or that the service is busy (503)."""
 _GUARDED_READS = ("/audit", "/keys", "/mappings/{name}", "/operators", "/users", "/webhooks")
 """What not everybody may read; of other reads a foreign name is one that does not exist."""
-_RECORD: dict[str, Any] = {
+_RECORD: JsonObject = {
     "pump_serial": "P-7",
     "aircraft": "F-HCAA",
     "position": "LH",
@@ -163,28 +164,28 @@ _ALL_NAMES_KNOWN = "/registry/{kind}.csv"
 """Another name in its path is refused as one that the document does not have."""
 
 
-def openapi_document(app: FastAPI) -> dict[str, Any]:
+def openapi_document(app: FastAPI) -> JsonObject:
     """The complete document of an application; computed once."""
     if app.openapi_schema is None:
         app.openapi_schema = _completed(app)
     return app.openapi_schema
 
 
-def operations(document: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+def operations(document: Mapping[str, Any]) -> Iterator[tuple[str, str, JsonObject]]:
     """Method, path and operation of everything in a document."""
     for path, methods in document["paths"].items():
         for method, operation in methods.items():
             yield method.upper(), path, operation
 
 
-def recorded_examples() -> dict[str, Any]:
+def recorded_examples() -> JsonObject:
     """Answers of a real run by ``METHOD /path``."""
     text = (files("service.web.api_document") / "examples.json").read_text(encoding="utf-8")
-    found: dict[str, Any] = json.loads(text)
+    found: JsonObject = json.loads(text)
     return found
 
 
-def _completed(app: FastAPI) -> dict[str, Any]:
+def _completed(app: FastAPI) -> JsonObject:
     document = get_openapi(
         title=app.title, version=app.version, summary=app.summary, description=_DESCRIPTION.strip(), routes=app.routes
     )
@@ -207,18 +208,18 @@ def _completed(app: FastAPI) -> dict[str, Any]:
     return document
 
 
-def _problem_schemas() -> dict[str, Any]:
+def _problem_schemas() -> JsonObject:
     return _described(ProblemShape)
 
 
-def _described(kind: type) -> dict[str, Any]:
+def _described(kind: type) -> JsonObject:
     """Schema of a shape under its name, and of every shape in it."""
     schema = TypeAdapter(kind).json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
-    inner: dict[str, Any] = schema.pop("$defs", {})
+    inner: JsonObject = schema.pop("$defs", {})
     return {kind.__name__: schema, **inner}
 
 
-def _name_shapes(operation: dict[str, Any], schemas: dict[str, Any]) -> None:
+def _name_shapes(operation: JsonObject, schemas: JsonObject) -> None:
     """An answer's shape stands among the components under its own name."""
     for response in operation["responses"].values():
         content = response.get("content", {}).get("application/json", {})
@@ -229,7 +230,7 @@ def _name_shapes(operation: dict[str, Any], schemas: dict[str, Any]) -> None:
             content["schema"] = {"$ref": f"#/components/schemas/{name}"}
 
 
-def _inherit(schemas: dict[str, Any]) -> None:
+def _inherit(schemas: JsonObject) -> None:
     """Fields that a shape has from another one are described there."""
     for name, kind in SHAPES.items():
         fields = schemas.get(name, {}).get("properties", {})
@@ -247,7 +248,7 @@ def _bases(kind: type) -> Iterator[type]:
             yield from _bases(base)
 
 
-def _complete(method: str, path: str, operation: dict[str, Any], example: Any) -> None:
+def _complete(method: str, path: str, operation: JsonObject, example: Any) -> None:
     responses = operation["responses"]
     responses.pop("default", None)
     good = next(status for status in responses if status.startswith("2"))
@@ -290,10 +291,10 @@ def _problems(method: str, path: str, has_input: bool) -> list[int]:
     return sorted(statuses)
 
 
-def _problem_response(status: int) -> dict[str, Any]:
+def _problem_response(status: int) -> JsonObject:
     problem = _BY_STATUS[status]
     content = {"schema": {"$ref": "#/components/schemas/Problem"}, "example": deepcopy(problem.body())}
-    response: dict[str, Any] = {"description": HTTPStatus(status).phrase, "content": {PROBLEM_JSON: content}}
+    response: JsonObject = {"description": HTTPStatus(status).phrase, "content": {PROBLEM_JSON: content}}
     if status in (429, 503):
         response["headers"] = {"Retry-After": {"description": "Seconds to wait", "schema": {"type": "integer"}}}
     return response

@@ -6,6 +6,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
+from service.documents import JsonObject
 from service.web.api_document.document import openapi_document, operations
 from service.web.dashboard.frame import html_page
 
@@ -16,7 +17,7 @@ docs_router = APIRouter(include_in_schema=False)
 def docs(request: Request) -> Response:
     """Every call with its parameters, bodies, answers and errors."""
     document = openapi_document(request.app)
-    sections: dict[str, list[dict[str, Any]]] = {tag["name"]: [] for tag in document["tags"]}
+    sections: dict[str, list[JsonObject]] = {tag["name"]: [] for tag in document["tags"]}
     for method, path, operation in operations(document):
         tag = operation.get("tags", ["other"])[0]
         sections.setdefault(tag, []).append(_shown(document, method, path, operation))
@@ -25,7 +26,7 @@ def docs(request: Request) -> Response:
     return html_page("docs.html", 200, values)
 
 
-def _shown(document: dict[str, Any], method: str, path: str, operation: dict[str, Any]) -> dict[str, Any]:
+def _shown(document: JsonObject, method: str, path: str, operation: JsonObject) -> JsonObject:
     body = operation.get("requestBody", {}).get("content", {})
     return {
         "method": method,
@@ -40,7 +41,7 @@ def _shown(document: dict[str, Any], method: str, path: str, operation: dict[str
     }
 
 
-def _parameter(parameter: dict[str, Any]) -> dict[str, Any]:
+def _parameter(parameter: JsonObject) -> JsonObject:
     schema = parameter.get("schema", {})
     kinds = [s.get("type") or "" for s in schema.get("anyOf", [schema])]
     choices: list[str] = schema.get("enum") or next((s["enum"] for s in schema.get("anyOf", []) if "enum" in s), [])
@@ -55,7 +56,7 @@ def _parameter(parameter: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _schema(document: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]:
+def _schema(document: JsonObject, content: JsonObject) -> JsonObject:
     schema = content.get("schema", {})
     options = [o for o in schema.get("anyOf", [schema]) if o.get("type") != "null"]
     name = options[0].get("$ref", "").rpartition("/")[2] if options else ""
@@ -69,13 +70,13 @@ def _schema(document: dict[str, Any], content: dict[str, Any]) -> dict[str, Any]
     return {"name": name, "fields": fields, "example": _text(example)}
 
 
-def _kind(schema: dict[str, Any]) -> str:
+def _kind(schema: JsonObject) -> str:
     kinds = [str(s.get("type") or s.get("$ref", "").rpartition("/")[2]) for s in schema.get("anyOf", [schema])]
     choices = schema.get("enum", [])
     return ", ".join(choices) if choices else " or ".join(k for k in kinds if k)
 
 
-def _response(document: dict[str, Any], status: str, response: dict[str, Any]) -> dict[str, Any]:
+def _response(document: JsonObject, status: str, response: JsonObject) -> JsonObject:
     shared = response.get("$ref", "").rpartition("/")[2]
     if shared:
         # what any call may answer: an example beside each of them would drown the call's own

@@ -1,5 +1,6 @@
 """Pages of an admin: keys, users, webhooks, the audit log. What is secret is shown once, on the page that made it."""
 
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request
@@ -77,7 +78,7 @@ def change_user(name: str, form: SentForm) -> Response:
         row = user(session, form.who, name)
         held = {"role": row.role, "email": row.email, "wants_mail": row.wants_mail, "disabled": bool(row.disabled_at)}
     known = ("role", "email", "wants_mail", "disabled", "password")
-    wanted: dict[str, Any] = {
+    wanted: dict[str, str | bool | None] = {
         "role": form.text("role") or held["role"],
         "email": form.text("email") or None,
         "wants_mail": bool(form.text("wants_mail")),
@@ -186,8 +187,8 @@ def _values(
     path: str,
     found: Any,
     cursor: str | None,
-    filters: dict[str, Any] | None = None,
-) -> dict[str, Any]:
+    filters: Mapping[str, str | None] | None = None,
+) -> dict[str, object]:
     """What every list of an admin shows."""
     query = filters or {}
     return {

@@ -1,9 +1,8 @@
 """The inbox: alarms of the whole fleet, narrowed by filters, handled one by one or many at once."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from datetime import UTC, datetime, timedelta
-from typing import Any
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
@@ -39,6 +38,17 @@ _PLAN = ("assignee", "due_at", "work_order")
 _SPANS = {"30": "30 days", "90": "90 days", "365": "a year", "": "all"}
 
 
+class _Row(Alarm):
+    """An alarm with what its row says in words: how long it lasted [days], when it is due as a field holds it."""
+
+    words: str
+    days: int
+    possible: list[str]
+    is_living: bool
+    due: str
+    escalations: int
+
+
 @alarm_router.get("/alarms", response_class=HTMLResponse)
 def alarms_page(
     request: Request,
@@ -49,8 +59,9 @@ def alarms_page(
     cursor: str | None = None,
 ) -> Response:
     """Alarms of the fleet, the newest first; without a filter those that want attention or an end."""
-    given: dict[str, Any] = {**asdict(filters), "state": filters.state or (None if every else "open")}
-    found = alarms.listed(context, asker, alarms.Filters(**given), limit=_PER_PAGE, cursor=cursor or None)
+    narrowed = replace(filters, state=filters.state or (None if every else "open"))
+    given = asdict(narrowed)
+    found = alarms.listed(context, asker, narrowed, limit=_PER_PAGE, cursor=cursor or None)
     now = datetime.now(UTC)
     query = {**given, "every": "true" if given["state"] is None else None}
     chips = [
@@ -171,7 +182,7 @@ def _name(form: Sent, alarm_id: str) -> str:
         return alarm_id
 
 
-def _shown(alarm: Alarm, now: datetime) -> dict[str, Any]:
+def _shown(alarm: Alarm, now: datetime) -> _Row:
     """An alarm with what a row says in words."""
     onset = datetime.fromisoformat(alarm["onset_at"])
     ended = alarm["closed_at"] or alarm["cleared_at"] or alarm["withdrawn_at"]

@@ -1,13 +1,14 @@
 """The engineer's page: an operating point with health values beside the healthy pump, and what given sensors can tell."""
 
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypedDict, TypeVar
 
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import HTMLResponse, Response
 from markupsafe import Markup
 
 from service.access.security import Principal
+from service.answers import problems as answers
 from service.answers.twin import Isolability, OperatingPoint
 from service.context import Context
 from service.errors import Problem
@@ -16,7 +17,7 @@ from service.reports.words import WORDS
 from service.units import METRIC, SYSTEMS, UnitSystem
 from service.web.dashboard.forms import checked, in_ours
 from service.web.dashboard.frame import PageRoute, html_page
-from service.web.dashboard.load_step import Step, load_runs, shown_runs
+from service.web.dashboard.load_step import ShownRuns, Step, load_runs, shown_runs
 from service.web.dashboard.preferences import system_of
 from service.web.dependencies import Asker, ContextOf
 from service.web.routes import circuits, pump_types, twin, twin_isolability
@@ -83,6 +84,34 @@ class Study:
     burst: bool = False
 
 
+class _Points(TypedDict):
+    """Operating points of the healthy pump and with other health values, and curves through them; or why there are none."""
+
+    problem: answers.Problem | None
+    sound: OperatingPoint | None
+    worn: OperatingPoint | None
+    pictures: list[Markup]
+
+
+class _Bound(TypedDict):
+    """A row of the table of bounds: sizes in ``unit``, None where there is none; faults that cannot be told from it."""
+
+    fault: str
+    state: str
+    unit: str
+    detectable: float | None
+    isolable: float | None
+    group: list[str]
+
+
+class _Bounds(TypedDict):
+    """What given sensors could see; or why that is not known."""
+
+    problem: answers.Problem | None
+    rows: list[_Bound]
+    remarks: list[str]
+
+
 @engineer_router.get("/engineer", response_class=HTMLResponse)
 def engineer_page(
     request: Request,
@@ -97,24 +126,24 @@ def engineer_page(
     system, given_in = system_of(request), SYSTEMS.get(units, METRIC)
     point, study = _in_ours(point, request, given_in), _in_ours(study, request, given_in)
     step = _in_ours(step, request, given_in)
-    found: dict[str, Any] = {"problem": None, "sound": None, "worn": None, "pictures": []}
-    bounds: dict[str, Any] = {"problem": None, "rows": [], "remarks": []}
-    stepped: dict[str, Any] = {"problem": None, "pictures": [], "rows": []}
+    found: _Points = {"problem": None, "sound": None, "worn": None, "pictures": []}
+    bounds: _Bounds = {"problem": None, "rows": [], "remarks": []}
+    stepped: ShownRuns = {"problem": None, "pictures": [], "rows": []}
     status = 200
     try:
-        found |= _point(context, asker, point, system)
+        found = _point(context, asker, point, system)
     except Problem as problem:
         found["problem"], status = problem.body(), int(problem.status)
     if study.study:
         try:
-            bounds |= _bounds(_study(context, asker, point, study))
+            bounds = _bounds(_study(context, asker, point, study))
         except Problem as problem:
             bounds["problem"], status = problem.body(), int(problem.status)
     if step.step:
         given = asdict(point)
         try:
             runs = load_runs(context, asker, given, {name: given[name] for name in HEALTH}, step)
-            stepped |= shown_runs(runs, step, system)
+            stepped = shown_runs(runs, step, system)
         except Problem as problem:
             stepped["problem"], status = problem.body(), int(problem.status)
     values = {
@@ -142,11 +171,11 @@ def _in_ours(asked: _Asked, request: Request, system: UnitSystem) -> _Asked:
     held = {f.name for f in fields(asked)}
     given = {name: text for name, text in request.query_params.items() if name in held and text}
     found = {name: in_ours(text, name, system) for name, text in given.items()}
-    changed: dict[str, Any] = {name: value for name, value in found.items() if isinstance(value, float)}
+    changed: Any = {name: value for name, value in found.items() if isinstance(value, float)}
     return replace(asked, **changed)
 
 
-def _point(context: Context, asker: Principal, point: Point, system: UnitSystem) -> dict[str, Any]:
+def _point(context: Context, asker: Principal, point: Point, system: UnitSystem) -> _Points:
     """Both operating points, and curves over a leak of the circuit and over temperature for either health."""
     given = asdict(point)
     worn = {name: given.pop(name) for name in HEALTH}
@@ -178,7 +207,8 @@ def _point(context: Context, asker: Principal, point: Point, system: UnitSystem)
         twin_svg("Damage identification curve", planes, plane, marked, scales=(bar, bar)),
         twin_svg("Case flow over temperature", warm_names, over, None, scales=(warmth, flow)),
     ]
-    return {"sound": items[0], "worn": items[1], "pictures": [Markup(p) for p in pictures]}  # noqa: S704
+    drawn = [Markup(p) for p in pictures]  # noqa: S704 - made by us
+    return {"problem": None, "sound": items[0], "worn": items[1], "pictures": drawn}
 
 
 def _in_plane(item: OperatingPoint, tank_bar: float) -> tuple[float, float] | None:
@@ -210,9 +240,9 @@ def _study(context: Context, asker: Principal, point: Point, study: Study) -> Is
     return twin_isolability.study(checked(twin_isolability.IsolabilityRequest, values, "study"), context, asker)
 
 
-def _bounds(found: Isolability) -> dict[str, Any]:
+def _bounds(found: Isolability) -> _Bounds:
     """Rows of the table of bounds, what is named best first."""
-    rows = [
+    rows: list[_Bound] = [
         {
             "fault": name.replace("_", " "),
             "state": WORDS.get(fault["state"], fault["state"]),
@@ -223,4 +253,4 @@ def _bounds(found: Isolability) -> dict[str, Any]:
         }
         for name, fault in found["faults"].items()
     ]
-    return {"rows": rows, "remarks": found["remarks"]}
+    return {"problem": None, "rows": rows, "remarks": found["remarks"]}

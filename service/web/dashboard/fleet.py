@@ -31,6 +31,14 @@ _SPARK_RECORDS = 60
 _LABEL = "@label@"
 
 
+class _Row(RankedPump):
+    """A pump's row: its page, its newest case flow [L/min] and their picture beside what the ranking says."""
+
+    link: str
+    flow: TrendPoint | None
+    spark: Markup
+
+
 @dataclass(frozen=True, slots=True)
 class _Flow:
     """A pump's newest case flows as the page shows them: drawn once for every state of its history."""
@@ -133,7 +141,7 @@ def _flows(session: Session, rows: Sequence[Listed], shown: Sequence[RankedPump]
     return {(row.operator, row.serial): found[row.id] for row in wanted if row.id in found}
 
 
-def _shown(pump: RankedPump, flows: Mapping[Any, _Flow]) -> dict[str, Any]:
+def _shown(pump: RankedPump, flows: Mapping[tuple[str, str], _Flow]) -> _Row:
     flow = flows.get((pump["operator"], pump["serial"]))
     label = f"case flow at the reference condition of {pump['serial']} over its last {flow.n if flow else 0} records"
     spark = flow.spark.replace(_LABEL, escape(label)) if flow else ""

@@ -16,6 +16,7 @@ from service.access.security import EVERYBODY, Principal
 from service.access.sessions import Visitor
 from service.bodies import is_storable
 from service.context import Context
+from service.documents import JsonObject
 from service.errors import Fault, Forbidden, Invalid, TooLarge, Unauthenticated
 from service.units import METRIC, SYSTEMS, UnitSystem, unit_of
 from service.web.dependencies import context_of, visitor_of
@@ -45,7 +46,7 @@ class Sent:
         """Every value of a field that may be sent several times, without the empty ones."""
         return [value for value in self.fields.get(name, ()) if value]
 
-    def filled(self, without: Sequence[str] = ()) -> dict[str, Any]:
+    def filled(self, without: Sequence[str] = ()) -> JsonObject:
         """The fields that were filled in, each with its first value: what is left open says nothing.
 
         Numbers that a name says the unit of, ``measured_case_flow_lpm``, come in it, whatever units the form was shown in.

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from fastapi import Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
@@ -18,6 +18,7 @@ from service.access.sessions import Visitor
 from service.answers.problems import Problem as Told
 from service.errors import NotFound, Unauthenticated
 from service.reports.words import ESTIMATE_NAMES, FILTERS, MARKS, WORDS
+from service.units import UnitSystem
 from service.web.answer_route import AnswerRoute
 from service.web.dashboard import preferences
 from service.web.dashboard.links import address, api_address, pump_address
@@ -83,7 +84,28 @@ class PageRoute(AnswerRoute):
         await super().handle(scope, receive, send)
 
 
-def html_page(template: str, status: int, values: dict[str, Any]) -> HTMLResponse:
+class _Place(TypedDict):
+    """A page in the navigation; ``here`` where it is the one that is read."""
+
+    address: str
+    word: str
+    here: bool
+
+
+class _Frame(TypedDict):
+    """What stands round every page: who reads it, where else they may go, zone, units, the way to choose them."""
+
+    visitor: Visitor | None
+    csrf_token: str
+    asker: Principal | None
+    navigation: list[_Place]
+    now: str
+    zone: str
+    system: UnitSystem
+    choose: str
+
+
+def html_page(template: str, status: int, values: Mapping[str, Any]) -> HTMLResponse:
     """Render a template under the pages' strict policy; ``values`` hold the ``request``."""
     request: Request = values["request"]
     visitor = visitor_of(request) if context_of(request).settings.auth_is_on else None
@@ -95,7 +117,8 @@ def _rendered(
 ) -> HTMLResponse:
     asker = visitor.principal if visitor else nobody
     path = values["request"].url.path
-    frame: dict[str, Any] = {
+    zone = preferences.zone_of(values["request"])
+    frame: _Frame = {
         "visitor": visitor,
         "csrf_token": visitor.csrf_token if visitor else "",
         "asker": asker,
@@ -105,11 +128,11 @@ def _rendered(
             if asker is not None and asker.may(role)
         ],
         "now": local(datetime.now(UTC)),
-        "zone": preferences.zone_of(values["request"]),
+        "zone": zone,
         "system": preferences.system_of(values["request"]),
         "choose": address("preferences", query={"back": _again(values["request"])}),
     }
-    with preferences.spoken_in(frame["zone"]):
+    with preferences.spoken_in(zone):
         text = _templates.get_template(template).render({**frame, **values})
     headers = dict(SECURITY_HEADERS)
     if template in _WITH_CHARTS:

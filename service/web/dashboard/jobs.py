@@ -1,10 +1,11 @@
 """Jobs: asked for, watched, cancelled; and the reports that some of them leave."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
+from service.documents import JsonObject
 from service.web.dashboard.forms import SentForm, checked, done
 from service.web.dashboard.frame import PageRoute, html_page
 from service.web.dashboard.links import address
@@ -60,7 +61,7 @@ def jobs_page(
 def ask(form: SentForm) -> Response:
     """Ask for a job and go to it; a report is shown where it will be."""
     form.goes_back_to(form.text("back") if form.text("back").startswith("/pumps/") else "/jobs")
-    parameters: dict[str, Any] = {name: form.text(name) for name in _PARAMETERS if form.text(name)}
+    parameters: JsonObject = {name: form.text(name) for name in _PARAMETERS if form.text(name)}
     parameters |= {name: form.instant(name) for name in ("since", "until") if form.text(name)}
     if form.text("kind") == "report":
         parameters["units"] = form.system.name

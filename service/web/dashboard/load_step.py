@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, TypedDict
 
 from fastapi import Query
 from markupsafe import Markup
 
 from detectors.drawing.svg import AS_DRAWN
 from service.access.security import Principal
+from service.answers.problems import Problem
 from service.answers.twin import Simulation
 from service.context import Context
 from service.reports.twin_chart import Line, twin_svg
@@ -39,6 +40,22 @@ class Step:
     run_s: Annotated[float, Query(gt=0.0, le=_LONGEST_S)] = 0.3
 
 
+class _StepRow(TypedDict):
+    """A channel in the table of a load step: figures in ``unit`` by name, for the healthy run and the other."""
+
+    words: str
+    unit: str
+    runs: list[dict[str, float | None]]
+
+
+class ShownRuns(TypedDict):
+    """A load step as the page shows it; or why there is none."""
+
+    problem: Problem | None
+    pictures: list[Markup]
+    rows: list[_StepRow]
+
+
 def load_runs(
     context: Context, asker: Principal, condition: Mapping[str, Any], health: Mapping[str, float], step: Step
 ) -> list[Simulation]:
@@ -54,9 +71,10 @@ def load_runs(
     return [_run(context, asker, condition, given, step) for given in ({}, health)]
 
 
-def shown_runs(runs: Sequence[Simulation], step: Step, system: UnitSystem) -> dict[str, Any]:
+def shown_runs(runs: Sequence[Simulation], step: Step, system: UnitSystem) -> ShownRuns:
     """Pictures of both runs in the reader's units, and a table whose numbers are in ours."""
-    pictures, rows = [], []
+    pictures: list[Markup] = []
+    rows: list[_StepRow] = []
     for channel, words in CHANNELS.items():
         held = [run["channels"].get(channel) for run in runs]
         if held[0] is None or held[1] is None:
@@ -73,7 +91,7 @@ def shown_runs(runs: Sequence[Simulation], step: Step, system: UnitSystem) -> di
         pictures.append(Markup(svg))  # noqa: S704
         figures = [_figures(times, values, step.step_at_s) for values in held if values]
         rows.append({"words": named, "unit": unit, "runs": figures})
-    return {"pictures": pictures, "rows": rows}
+    return {"problem": None, "pictures": pictures, "rows": rows}
 
 
 def _run(

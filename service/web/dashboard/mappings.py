@@ -1,7 +1,6 @@
 """Channel mappings: an operator's own names and units, written in a table; a change is a new version."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
@@ -9,6 +8,7 @@ from fastapi.responses import HTMLResponse, Response
 from service.access.security import Principal
 from service.answers.mappings import Mapping as Stored
 from service.context import Context
+from service.documents import JsonObject
 from service.errors import Invalid, Problem
 from service.ingest.mapping import CHANNELS
 from service.ingest.metadata import KNOWN
@@ -60,13 +60,13 @@ def store(form: SentForm) -> Response:
     return done(address("mappings", query={"name": name, "operator": operator}))
 
 
-def _content(form: Sent) -> dict[str, Any]:
+def _content(form: Sent) -> JsonObject:
     """What the table says, as the API takes it; rows without a source are not there."""
     fields = form.filled()
     rows = sorted({int(f.partition(".")[2]) for f in fields if f.startswith("source.") and f[7:].isdecimal()})
     rules = [{part: fields[f"{part}.{i}"] for part in _RULE if f"{part}.{i}" in fields} for i in rows]
     known = {*_OWN, *(f"{part}.{i}" for part in _RULE for i in rows)}
-    named: dict[str, dict[str, Any]] = {"metadata": {}, "default": {}}
+    named: dict[str, JsonObject] = {"metadata": {}, "default": {}}
     for field, value in fields.items():
         kind, _, what = field.partition(":")
         if kind == "metadata":
@@ -74,7 +74,7 @@ def _content(form: Sent) -> dict[str, Any]:
         elif kind == "default":
             named[kind][what] = value
     stray = [f for f in fields if f not in known and f.partition(":")[0] not in named]
-    content: dict[str, Any] = {
+    content: JsonObject = {
         "channels": rules,
         "metadata": named["metadata"],
         "defaults": named["default"],

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from datetime import UTC, datetime, timedelta
-from typing import Any, get_args
+from typing import TypedDict, get_args
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
@@ -39,7 +39,23 @@ page_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 
 _MOST_ALARMS = 20
 _kept_changes: ByLink[list[Change]] = ByLink(500)
-_Body = tuple[str, int, dict[str, Any]]
+_Body = tuple[str, int, dict[str, object]]
+
+
+class _Actions(TypedDict):
+    """What forms of the pump page offer: words by what they stand for, times as fields hold them, a shelf in hours."""
+
+    may_act: bool
+    may_maintain: bool
+    finding_action: str
+    maintenance_action: str
+    action_words: Mapping[str, str]
+    fluids: list[str]
+    channels: tuple[str, ...]
+    found_words: dict[str, str]
+    longest_shelf_h: float
+    usual_shelf: str
+    latest_shelf: str
 
 
 @page_router.get("/pumps/{serial}", response_class=HTMLResponse)
@@ -97,7 +113,7 @@ def _changes(session: Session, row: Pump) -> list[Change]:
     return found.get(row.id, [])
 
 
-def _actions(asker: Principal, row: Pump, thresholds: Mapping[str, float]) -> dict[str, Any]:
+def _actions(asker: Principal, row: Pump, thresholds: Mapping[str, float]) -> _Actions:
     """What the forms of the pump page need; they are shown to those who may use them."""
     longest = thresholds["alarm_shelving_maximum_h"]
     now = datetime.now(UTC)

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from datetime import UTC, datetime
 from functools import cache
-from typing import Any
+from typing import Literal, TypedDict
 from zoneinfo import ZoneInfo, available_timezones
 
 from fastapi import Request
@@ -46,7 +46,18 @@ def spoken_in(zone: str) -> Iterator[None]:
         _zone.reset(token)
 
 
-def cookie(request: Request, name: str, chosen: str) -> dict[str, Any]:
+class Cookie(TypedDict):
+    """Arguments of ``Response.set_cookie``; how long it is kept in s."""
+
+    key: str
+    value: str
+    max_age: int
+    httponly: bool
+    samesite: Literal["lax"]
+    secure: bool
+
+
+def cookie(request: Request, name: str, chosen: str) -> Cookie:
     """Arguments of a response's cookie that keeps a choice."""
     secure = is_secure(request)
     return {"key": name, "value": chosen, "max_age": YEAR_S, "httponly": True, "samesite": "lax", "secure": secure}

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, TypedDict
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
@@ -41,6 +41,38 @@ STATUS_WORDS = {
     "withdrawn": "withdrawn",
 }
 WINDOW_WORDS = {"pump_off": "pump off", "zero_flow": "zero flow", "constant_flow": "constant flow"}
+
+
+class _Range(TypedDict):
+    """A channel of what is seen: lowest and highest in ``unit``, samples that are missing (a count)."""
+
+    name: str
+    unit: str
+    missing: int
+    low: float | None
+    high: float | None
+
+
+class _Picture(TypedDict):
+    """Channels as a picture with links (words, address) along it, or why there is none; a shift of the other record in s."""
+
+    svg: Markup | None
+    why: str | None
+    found: RecordChannels | None
+    channels: list[_Range]
+    links: list[tuple[str, str]]
+    zoom: str | None
+    shift_s: float | None
+    of_other: dict[str, _Range]
+
+
+class _Spectrum(TypedDict):
+    """Spectrum of the channel that was asked for; empty, or why there is none."""
+
+    svg: Markup | None
+    why: str | None
+    found: answers.Spectrum | None
+    channel: str
 
 
 class _Withdrawal(Body):
@@ -113,7 +145,7 @@ def record_page(
     values = {
         "request": request,
         "record": record,
-        "windows": record.get("windows") or (picture["found"]["windows"] if picture["svg"] else []),
+        "windows": record.get("windows") or (picture["found"]["windows"] if picture["found"] else []),
         "picture": picture,
         "spectrum": _spectrum(context, asker, seen, channel),
         "status_words": STATUS_WORDS,
@@ -210,7 +242,7 @@ def _overlay(context: Context, asker: Principal, seen: _Seen) -> Overlay | None:
         raise Invalid("the other record has nothing there", [Fault("beside", problem.detail)]) from None
 
 
-def _picture(context: Context, asker: Principal, seen: _Seen, marked: Sequence[RecordMark]) -> dict[str, Any]:
+def _picture(context: Context, asker: Principal, seen: _Seen, marked: Sequence[RecordMark]) -> _Picture:
     """Picture of the channels with the links that move along it; or why there is none."""
     record, start_s, end_s = seen.record, seen.start_s, seen.end_s
     record_id = record["record_id"]
@@ -219,13 +251,23 @@ def _picture(context: Context, asker: Principal, seen: _Seen, marked: Sequence[R
     except Problem as problem:
         if start_s is not None or end_s is not None:
             raise
-        return {"svg": None, "why": problem.detail, "channels": [], "links": []}
+        return {
+            "svg": None,
+            "why": problem.detail,
+            "found": None,
+            "channels": [],
+            "links": [],
+            "zoom": None,
+            "shift_s": None,
+            "of_other": {},
+        }
     all_windows = record.get("windows", found["windows"])
     first = next((i for i, w in enumerate(all_windows, 1) if found["windows"] and w == found["windows"][0]), 1)
     overlay = _overlay(context, asker, seen)
     svg = record_svg(found, f"Channels of record {record_id}", first, marked, overlay, seen.system)
     return {
         "svg": Markup(svg),  # noqa: S704 - made by us, names in it are escaped
+        "why": None,
         "found": found,
         "channels": list(_ranges(found["channels"]).values()),
         "links": _moves(seen, found) if start_s is not None or end_s is not None else _closer(seen, found),
@@ -235,7 +277,7 @@ def _picture(context: Context, asker: Principal, seen: _Seen, marked: Sequence[R
     }
 
 
-def _ranges(channels: Sequence[answers.ChannelSamples]) -> dict[str, dict[str, Any]]:
+def _ranges(channels: Sequence[answers.ChannelSamples]) -> dict[str, _Range]:
     """Lowest and highest of each channel by name."""
     return {
         c["channel"]: {
@@ -269,7 +311,7 @@ def _moves(seen: _Seen, found: RecordChannels) -> list[tuple[str, str]]:
     ]
 
 
-def _spectrum(context: Context, asker: Principal, seen: _Seen, channel: str) -> dict[str, Any]:
+def _spectrum(context: Context, asker: Principal, seen: _Seen, channel: str) -> _Spectrum:
     """Spectrum of the channel that was asked for; or why there is none."""
     if not channel:
         return {"svg": None, "why": None, "found": None, "channel": ""}

@@ -1,6 +1,6 @@
 """The registry: aircraft with their sensors, pumps with where they sat, what was done and what was found."""
 
-from typing import Any, get_args
+from typing import Any, TypedDict, get_args
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
@@ -23,6 +23,17 @@ from twin.pumps.fluids import FLUIDS
 registry_router = APIRouter(include_in_schema=False, route_class=PageRoute)
 _PER_PAGE = 100
 _SENSORS = ("case_pressure_bar", "discharge_pressure_bar", "reservoir_pressure_bar")
+
+
+class _Choices(TypedDict):
+    """What forms of the registry offer, and to whom."""
+
+    request: Request
+    may_enter: bool
+    sees_all: bool
+    pump_types: list[str]
+    fluids: list[str]
+    circuits: list[str]
 
 
 @registry_router.get("/registry", response_class=HTMLResponse)
@@ -185,7 +196,7 @@ def _aircraft(request: Request, context: Context, asker: Principal, name: str, o
     return html_page("registry_aircraft.html", 200, values)
 
 
-def _choices(request: Request, context: Context, asker: Principal) -> dict[str, Any]:
+def _choices(request: Request, context: Context, asker: Principal) -> _Choices:
     """What the forms of the registry offer."""
     return {
         "request": request,

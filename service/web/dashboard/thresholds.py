@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypedDict
 
 from fastapi import APIRouter, BackgroundTasks, Request
 from fastapi.responses import HTMLResponse, Response
 
 from service.access.security import Principal
 from service.answers.jobs import Job
+from service.answers.problems import Problem as ProblemDocument
 from service.answers.thresholds import Preview, ThresholdKey
 from service.answers.thresholds import Thresholds as Layer
 from service.context import Context
@@ -35,6 +36,13 @@ class _Shown:
     reason: str = ""
     preview: Preview | None = None
     problem: Problem | None = None
+
+
+class _Held(TypedDict):
+    """A threshold's value in its unit, and the layer that it comes from."""
+
+    value: float
+    origin: str
 
 
 @threshold_router.get("/thresholds", response_class=HTMLResponse)
@@ -192,9 +200,9 @@ def _page(
     return html_page("thresholds.html", int(shown.problem.status) if shown.problem else 200, values)
 
 
-def _told(problem: Problem, keys: Sequence[ThresholdKey], system: UnitSystem) -> dict[str, Any]:
+def _told(problem: Problem, keys: Sequence[ThresholdKey], system: UnitSystem) -> ProblemDocument:
     """A problem with the ranges of what the reader has in other units than ours."""
-    told: dict[str, Any] = dict(problem.body())
+    told = problem.body()
     ranges = {
         f"values.{key['key']}": f"; the range is {system.plain(key['low'], key['unit'])} to "
         f"{system.said(key['high'], key['unit'])}"
@@ -202,11 +210,13 @@ def _told(problem: Problem, keys: Sequence[ThresholdKey], system: UnitSystem) ->
         if system.converts(key["unit"])
     }
     if "errors" in told:
-        told["errors"] = [{**e, "problem": e["problem"] + ranges.get(e["where"], "")} for e in told["errors"]]
+        told["errors"] = [
+            {"where": e["where"], "problem": e["problem"] + ranges.get(e["where"], "")} for e in told["errors"]
+        ]
     return told
 
 
-def _row(found: Layer, key: str) -> dict[str, Any]:
+def _row(found: Layer, key: str) -> _Held:
     return {"value": found["values"][key]["value"], "origin": found["values"][key]["from"]}
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, TypedDict
 
 import numpy as np
 from fastapi import Depends, Query
@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
 from service.access.security import EVERYBODY, Principal
+from service.answers.pumps import TrendPoint
 from service.errors import Fault, Invalid
 from service.reading import queries
 from service.reading.by_link import ByLink
@@ -84,6 +85,46 @@ class _Ends:
     high_h: float | None = None
 
 
+class ShownTrend(TypedDict):
+    """A chart with its newest values as a table, how many more there are, and the address of all of them."""
+
+    metric: str
+    title: str
+    unit: str
+    svg: Markup
+    items: list[TrendPoint]
+    more: int
+    data: str
+
+
+class ShownEvent(TypedDict):
+    """An event with the letter that stands over it."""
+
+    at: str
+    letter: str
+    kind: str
+    what: str
+    note: str | None
+
+
+class Trends(TypedDict):
+    """The section of trends: charts, events, ends of the axis (s since 1970 or flight hours), links to other looks."""
+
+    charts: list[ShownTrend]
+    look: Look
+    events: list[ShownEvent]
+    start: float
+    end: float
+    fields: tuple[str, str]
+    chips: list[tuple[str, str, bool]]
+    compared: dict[str, str]
+    has_sibling: bool
+    has_fleet: bool
+    zoom: str
+    whole: str | None
+    letters: Mapping[str, str]
+
+
 def trends_of_page(
     session: Session,
     reader: tuple[Principal, UnitSystem],
@@ -91,7 +132,7 @@ def trends_of_page(
     look: Look,
     thresholds: Mapping[str, float],
     entered: Entered,
-) -> dict[str, Any]:
+) -> Trends:
     """Everything that the section of trends shows, in the reader's units; ``thresholds`` and ``entered`` are the pump's now.
 
     Raises
@@ -269,7 +310,7 @@ def _bands(session: Session, asker: Principal, row: Pump) -> dict[str, tuple[flo
     return found
 
 
-def _shown(row: Pump, metric: str, chart: TrendChart, seen: PumpHistory, places: NDArray[np.intp]) -> dict[str, Any]:
+def _shown(row: Pump, metric: str, chart: TrendChart, seen: PumpHistory, places: NDArray[np.intp]) -> ShownTrend:
     data = api_address(
         "pumps", row.serial, "trend", query={"metric": metric, "operator": row.operator, "points": 10_000}
     )
@@ -284,7 +325,7 @@ def _shown(row: Pump, metric: str, chart: TrendChart, seen: PumpHistory, places:
     }
 
 
-def _event(event: PumpEvent) -> dict[str, str]:
+def _event(event: PumpEvent) -> ShownEvent:
     words = {**ACTION_WORDS, **WORDS, "no_fault_found": "No fault found"}
     return {
         "at": event.at.isoformat(),

@@ -1,15 +1,19 @@
 """Uploading by hand: files with a mapping, looked at before or taken, each with its result and every fault."""
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
+from typing_extensions import TypedDict
 
 from service.access.security import EVERYBODY, Principal
+from service.answers.mappings import MappingPreview
+from service.answers.problems import Problem as ProblemDocument
+from service.answers.records import Record
 from service.context import Context
 from service.errors import Fault, Invalid, Problem, TooLarge
 from service.ingest.archive import NDJSON_TYPES, ZIP_TYPES
@@ -35,6 +39,29 @@ _ARCHIVES = {".zip": ZIP_TYPES[0], ".ndjson": NDJSON_TYPES[0], ".jsonl": NDJSON_
 _PREVIEW_ROWS = 5
 
 
+class _Became(TypedDict, total=False):
+    """What became of a file that was taken: a record (known already or not), or the address of a job, or a preview."""
+
+    record: Record
+    known: bool
+    job: str
+    preview: MappingPreview
+
+
+class _Result(TypedDict):
+    """A file's row: one of record, job, preview and problem is there."""
+
+    name: str
+    problem: ProblemDocument | None
+    record: Record | None
+    known: bool
+    job: str | None
+    preview: MappingPreview | None
+
+
+_Work: TypeAlias = Callable[[Context, Principal, str, SpooledFile, dict[str, str], MappingVersion | None], _Became]
+
+
 @upload_router.get("/upload", response_class=HTMLResponse)
 def upload_page(request: Request, context: ContextOf, asker: Asker) -> Response:
     """A form for one or many files."""
@@ -54,7 +81,7 @@ async def look(request: Request) -> Response:
     return await _each(request, _previewed)
 
 
-async def _each(request: Request, work: Any) -> Response:
+async def _each(request: Request, work: _Work) -> Response:
     """The form's files one after the other, each on disk while it is worked on."""
     context, visitor = context_of(request), await run_in_threadpool(signed_in, request)
     asker = visitor.principal if visitor else EVERYBODY
@@ -99,8 +126,8 @@ async def _one(
     part: UploadFile,
     overrides: dict[str, str],
     mapping: MappingVersion | None,
-    work: Any,
-) -> dict[str, Any]:
+    work: _Work,
+) -> _Result:
     """What became of one file; what is wrong with it is its own result and stops none of the others."""
     name = part.filename or "file"
     is_archive = Path(name).suffix.lower() in _ARCHIVES
@@ -109,8 +136,22 @@ async def _one(
         async with context.spool.received(_pieces(part), str(part.size or ""), limit) as file:
             found = await run_in_threadpool(work, context, asker, name, file, overrides, mapping)
     except Problem as problem:
-        return {"name": name, "problem": problem.body(), "record": None, "job": None, "preview": None}
-    return {"name": name, "problem": None, "record": None, "job": None, "preview": None, **found}
+        return {
+            "name": name,
+            "problem": problem.body(),
+            "record": None,
+            "known": False,
+            "job": None,
+            "preview": None,
+        }
+    return {
+        "name": name,
+        "problem": None,
+        "record": found.get("record"),
+        "known": found.get("known", False),
+        "job": found.get("job"),
+        "preview": found.get("preview"),
+    }
 
 
 async def _pieces(part: UploadFile) -> AsyncIterator[bytes]:
@@ -125,7 +166,7 @@ def _taken(
     file: SpooledFile,
     overrides: dict[str, str],
     mapping: MappingVersion | None,
-) -> dict[str, Any]:
+) -> _Became:
     kind = _ARCHIVES.get(Path(name).suffix.lower())
     if kind is not None:
         job = bulk.asked(context, asker, file, kind, overrides, mapping)
@@ -149,7 +190,7 @@ def _previewed(
     file: SpooledFile,
     overrides: dict[str, str],
     mapping: MappingVersion | None,
-) -> dict[str, Any]:
+) -> _Became:
     if Path(name).suffix.lower() in _ARCHIVES:
         raise Invalid("a ZIP file or NDJSON is not looked at: preview one of its files")
     applied = mapping.mapping if mapping else None
@@ -162,7 +203,7 @@ def _previewed(
 
 
 def _page(
-    request: Request, context: Context, asker: Principal, typed: dict[str, str], results: list[dict[str, Any]]
+    request: Request, context: Context, asker: Principal, typed: dict[str, str], results: list[_Result]
 ) -> Response:
     values = {
         "request": request,
@@ -178,4 +219,5 @@ def _page(
         "refused": sum(r["problem"] is not None for r in results),
     }
     failed = bool(results) and all(r["problem"] is not None for r in results)
-    return html_page("upload.html", results[0]["problem"]["status"] if failed else 200, values)
+    first = results[0]["problem"] if failed else None
+    return html_page("upload.html", first["status"] if first else 200, values)

@@ -2,13 +2,13 @@
 
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from fastapi import APIRouter, Depends, Query
 from pydantic import ConfigDict, Field
 
 from service.alarms import reading
-from service.alarms.handling import Wish, handle, handle_many
+from service.alarms.handling import PartOfPlan, Wish, handle, handle_many
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, COMMENT, PLAN, SHELVE, UNSHELVE
 from service.answers.alarms import Alarm, AlarmHandled, AlarmsHandled, AlarmStatistics
 from service.answers.words import Page
@@ -72,7 +72,12 @@ class Planned(Body):
 
     def wish(self) -> Wish:
         """What shall be done, with those fields only that were named."""
-        return Wish(PLAN, self.reason, None, self.model_dump(include=self.model_fields_set - {"reason"}))
+        return Wish(PLAN, self.reason, None, self.part_of_plan())
+
+    def part_of_plan(self) -> PartOfPlan:
+        """The fields of a plan that were named."""
+        named = self.model_dump(include=self.model_fields_set & {"assignee", "due_at", "work_order"})
+        return cast("PartOfPlan", named)
 
 
 class Many(Planned):
@@ -89,8 +94,7 @@ class Many(Planned):
 
     def wish(self) -> Wish:
         """What shall be done about each of them."""
-        plan = self.model_dump(include=self.model_fields_set & {"assignee", "due_at", "work_order"})
-        return Wish(self.action, self.reason, self.until, plan)
+        return Wish(self.action, self.reason, self.until, self.part_of_plan())
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,13 @@
 """Circuits: what stands round a pump, as documents; the twin's own and those that were added."""
 
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 from fastapi import APIRouter, Body, Query, Response
 
 from service.access import audit
 from service.answers.registry import Circuit
 from service.answers.words import Page
+from service.documents import JsonObject
 from service.errors import Forbidden, NotFound
 from service.pump_types.circuits import circuits, store_circuit
 from service.web.addresses import location
@@ -37,7 +38,7 @@ def create(
     response: Response,
     context: ContextOf,
     asker: Asker,
-    body: Annotated[dict[str, Any], Body(examples=[_EXAMPLE])],
+    body: Annotated[JsonObject, Body(examples=[_EXAMPLE])],
     operator: Annotated[str | None, Query(description="For whom; a key of one operator always means its own")] = None,
 ) -> Circuit:
     """Store a whole circuit, or a base with changes; it is never changed afterwards.

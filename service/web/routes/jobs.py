@@ -1,6 +1,6 @@
 """Jobs: ask for one, watch it, read what became of each item, cancel it."""
 
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Literal, cast
 
 from fastapi import APIRouter, Query, Response
 from pydantic import ConfigDict, Field
@@ -12,6 +12,7 @@ from service.answers.job_documents import JOB_DOCUMENTS
 from service.answers.jobs import DOCUMENT_TYPES
 from service.answers.words import Page, instant
 from service.bodies import Body
+from service.documents import JsonObject
 from service.errors import Fault, Invalid
 from service.jobs import engine, store
 from service.jobs.kinds import kind_named
@@ -49,7 +50,7 @@ class NewJob(Body):
         },
     )
     kind: str
-    parameters: dict[str, Any] = Field(default_factory=dict)
+    parameters: JsonObject = Field(default_factory=dict)
     operator: str | None = Field(default=None, min_length=1, max_length=200)
 
 

@@ -13,6 +13,7 @@ from service.answers.mappings import Mapping, MappingPreview, MappingSuggestion
 from service.answers.problems import ProblemError
 from service.answers.words import Page, instant
 from service.context import Context
+from service.documents import JsonObject
 from service.errors import Conflict, Fault, Invalid, NotFound, PreconditionRequired, StaleVersion
 from service.ingest.file_formats import ANY_TYPE
 from service.ingest.file_names import named_by
@@ -31,7 +32,7 @@ from service.web.sent_file import FileName, SentFile, sent_file
 
 router = APIRouter(prefix="/mappings", tags=["mappings"], route_class=AnswerRoute)
 Operator = Annotated[str | None, Query(description="Whose mapping; default: the key's operator")]
-_EXAMPLE: dict[str, Any] = {
+_EXAMPLE: JsonObject = {
     "description": "export of the maintenance computer",
     "aircraft_type": "H225",
     "channels": [

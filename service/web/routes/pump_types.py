@@ -2,7 +2,7 @@
 
 import json
 import tomllib
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 from fastapi import APIRouter, BackgroundTasks, Query, Request, Response
 from sqlalchemy.orm import Session
@@ -15,6 +15,7 @@ from service.answers import registry as answers
 from service.answers.registry import PumpTypeSummary, ReferenceCurve
 from service.answers.words import Page
 from service.context import Context
+from service.documents import JsonObject
 from service.errors import Fault, Forbidden, Invalid, NotFound, TooLarge, Undecodable, UnknownType
 from service.history.healthy_curves import reference_curve
 from service.jobs.refolding import refold_after
@@ -167,7 +168,7 @@ def put_curve(
     return answer
 
 
-def _stored(context: Context, asker: Principal, operator: str | None, document: dict[str, Any]) -> PumpType:
+def _stored(context: Context, asker: Principal, operator: str | None, document: JsonObject) -> PumpType:
     with context.database.writing() as session:
         kind = store(session, operator, document, asker.owner)
         details = {"twin_version": twin_version(kind)} | {n: document[n] for n in ("base", "changes") if n in document}
@@ -175,7 +176,7 @@ def _stored(context: Context, asker: Principal, operator: str | None, document: 
     return kind
 
 
-def _document(content: bytes, content_type: str) -> dict[str, Any]:
+def _document(content: bytes, content_type: str) -> JsonObject:
     kind = content_type.partition(";")[0].strip().lower() or "application/json"
     if kind not in ("application/json", _TOML):
         raise UnknownType(f"{kind} is not known here; send application/json or {_TOML}")

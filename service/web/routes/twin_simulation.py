@@ -1,7 +1,7 @@
 """The transient twin: a short run under a schedule, its channels as a record would hold them."""
 
 import json
-from typing import Any, Literal
+from typing import Literal
 
 from anyio import CapacityLimiter, from_thread, to_thread
 from anyio.lowlevel import RunVar
@@ -98,7 +98,7 @@ def _limiter() -> CapacityLimiter:
 
 
 def _asked(body: SimulationRequest) -> Asked:
-    schedule: dict[str, Any] = dict(body.schedule)
+    schedule = dict(body.schedule)
     time = schedule.pop(TIME, None)
     return Asked(
         pump_type=body.pump_type,
