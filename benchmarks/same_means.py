@@ -39,7 +39,7 @@ def runs() -> dict[str, list[float]]:
     found: dict[str, list[float]] = {name: [] for name in (*MEANS, *(f"order n of {name}" for name in ORDERS))}
     for i in range(_N_RUNS):
         pump = kind.pump._replace(fluid=kind.pump.fluid._replace(air=0.005 if i % 2 else 0.0))
-        lifted = i % 4 == 2  # noqa: PLR2004
+        lifted = i % 4 == 2
         if lifted:
             pump = pump._replace(slipper=pump.slipper._replace(variable=1.0))
         speed, T, reservoir, flow = rng.uniform([2000, 0, 0, 0], [5500, 100, 1.0, 18.0])
@@ -62,7 +62,9 @@ def runs() -> dict[str, list[float]]:
         for name in MEANS:
             found[name].append(run.mean(name, _REVOLUTIONS))
         for name in ORDERS:
-            found[f"order n of {name}"].append(_order(run.recording[name], run.recording["time_s"], speed, pump.piston.n))
+            found[f"order n of {name}"].append(
+                _order(run.recording[name], run.recording["time_s"], speed, pump.piston.n)
+            )
     return found
 
 
