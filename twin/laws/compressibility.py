@@ -104,7 +104,10 @@ def relative_compressibility(m: Medium, P: float) -> float:
 
 @compiled
 def pressure(m: Medium, w: float, guess: float) -> float:
-    """Inverse of ``relative_density`` [Pa absolute]; ``guess`` is only used with air, by Halley's method."""
+    """Inverse of ``relative_density`` [Pa absolute]; ``guess`` is only used with air, by Halley's method.
+
+    Not called by the pump yet: it asks by mass and volume (``pressure_of``).
+    """
     if m.air == 0.0:
         return P_ATMOSPHERE + (w - 1.0) * m.B_0 / (1.0 - m.gain * (w - 1.0))
     return _pressure_with_air(m, (1.0 + m.air) / w, guess)

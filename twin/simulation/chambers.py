@@ -16,6 +16,7 @@ from twin.laws.fluid import relative_fluidity
 from twin.parameters import Pump
 from twin.parts.piston import chamber_volume, volume_by_tilt, volume_rate_by_rotation
 from twin.parts.port_plate import opened_share
+from twin.parts.slipper import throttled_sum
 from twin.simulation.filling import (
     COS_NEW,
     FILLS,
@@ -126,14 +127,13 @@ def constant_gaps(pump: Pump, scene: Scene, y: Vector, n: int, clearances: Matri
     land = scene.land * slipper.h**3 * per_mu
     ring = scene.piston_scale * scene.ring * per_mu
     K, K_scaled = scene.throttle, 2.0 * scene.throttle * scene.slipper_scale
-    K_2 = K * K
     for k in range(n):
         P = max(y[N_SHARED + k], P_FLOOR)
         fluidity = relative_fluidity(scene.film, P, P_c)
         b, h = clearances[k, OF_PISTON], clearances[k, OF_SLIPPER]
         G = land * h * h * h * fluidity
-        # throttle and land in series (``throttled_conductance``) and the ring by one division
-        length, series = piston.l_mean - piston.R * t * ch[k, COS], K + math.sqrt(K_2 + 4.0 * G * G * abs(P - P_c))
+        # throttle and land in series (``throttled_conductance``), and the ring, by one division
+        length, series = piston.l_mean - piston.R * t * ch[k, COS], throttled_sum(P - P_c, K, G)
         per = 1.0 / (length * series)
         ch[k, G_LAND] = K_scaled * G * length * per
         ch[k, G_RING] = ring * b * b * b * fluidity * series * per

@@ -12,6 +12,7 @@ from twin.laws.fluid import Film, relative_fluidity
 from twin.laws.orifice import smooth_orifice_conductance
 from twin.parameters import Piston, PortPlate
 from twin.parts.port_plate import opened_share, window
+from twin.parts.slipper import throttled_sum
 from twin.simulation.layout import (
     BY_C,
     BY_D,
@@ -119,7 +120,7 @@ def fill(piston: Piston, plate: PortPlate, leaks: Leaks, around: Surroundings, p
     P_port, of_d = (P_d, 1.0) if delivers else (P_s, 0.0)
     from_s = P_s - of_d * P_s
     wide_open, per_ramp = port_coefficient(plate, rho), 1.0 / plate.phi_ramp
-    laminar, K_2 = plate.dP_laminar * plate.dP_laminar, leaks.throttle * leaks.throttle
+    laminar = plate.dP_laminar * plate.dP_laminar
     land_0 = leaks.land * gap_h * gap_h * gap_h
     ring, K_scaled = leaks.ring * gap_b * gap_b * gap_b, 2.0 * leaks.throttle * leaks.slipper_scale
     guess, c, sn, volume = P, row[COS], row[SIN], row[VOLUME]
@@ -170,8 +171,8 @@ def fill(piston: Piston, plate: PortPlate, leaks: Leaks, around: Surroundings, p
         density, capacity = density_and_slope(leaks.medium, guess)
         fluidity = relative_fluidity(leaks.film, guess, P_c)
         land = land_0 * fluidity
-        # throttle and land in series (``throttled_conductance``) and the ring by one division
-        series = leaks.throttle + math.sqrt(K_2 + 4.0 * land * land * max(guess - P_c, 0.0))
+        # throttle and land in series (``throttled_conductance``), and the ring, by one division
+        series = throttled_sum(max(guess - P_c, 0.0), leaks.throttle, land)
         length = piston.l_mean - piston.R * t * c
         inverse = 1.0 / (length * series)
         G_h = K_scaled * land * length * inverse

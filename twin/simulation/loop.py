@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled import compiled, inlined
+from twin.compiled import compiled, inlined, lent
 from twin.laws.compressibility import P_FLOOR
 from twin.parameters import Circuit, Pump
 from twin.simulation import chambers, mapped_slippers, slippers
@@ -214,15 +214,18 @@ def run_loop(
         ``RUNNING`` when it went through; else what stopped it, ``y`` being the worst state and
         ``revolution[STOPPED_AT]`` its time.
     """
-    # unpacked once: taking an array out of a tuple counts references, which costs more than a chamber
-    times, table = inputs_of
+    # lent: taking a counted array out of a tuple, or a row out of it, costs more than a chamber
+    y, times, table = lent(y), lent(inputs_of.times), lent(inputs_of.table)
     start, dt, n_steps, substeps, extrapolate, T_start = pace
-    keep, samples, revolution, means, counts = account
-    scratch, states, all_flows, gathered = ws
-    clearances, ch, added, flows = scratch.clearances, scratch.ch, scratch.added, all_flows[0]
+    keep, samples, revolution = lent(account.keep), lent(account.samples), lent(account.revolution)
+    means, counts = lent(account.means), lent(account.counts)
+    states, all_flows, gathered = lent(ws.states), lent(ws.flows), lent(ws.gathered)
+    clearances, ch, added = lent(ws.scratch.clearances), lent(ws.scratch.ch), lent(ws.scratch.added)
+    scratch = Scratch(clearances, ch, lent(ws.scratch.A), lent(ws.scratch.b), added)
+    flows = all_flows[0]
     mapped = added.shape[0] > 0
     n = ch.shape[0]
-    inputs = np.empty(table.shape[1])
+    inputs, through = np.empty(table.shape[1]), np.empty(N_FLOWS)
     segment = 0
     time = start
     segment = _inputs_at(times, table, time, segment, inputs)
@@ -236,7 +239,6 @@ def run_loop(
     interval = dt * substeps
     whole = 2.0 * math.pi
     pieces_left, step, blow = 0, dt, False
-    through = np.empty(N_FLOWS)
     for i in range(n_steps):
         through[:] = 0.0
         j = 0
