@@ -77,7 +77,8 @@ MUTANTS: tuple[Mutant, ...] = (
     _reduced("return _LEAST_WEIGHT * (shrunk - 1.0), shrunk", "return _LEAST_WEIGHT * (shrunk - 1.0), 1.0"),
     _reduced("0.5 * throttled / (root * D_0)", "throttled / (root * D_0)"),
     _reduced(
-        "c.SYSTEM_ORIFICE, by, 0.0, b_sys, c_sys, np.sqrt(share)", "c.SYSTEM_ORIFICE, by, 0.0, b_sys, c_sys, share"
+        "_AT[c.SYSTEM_ORIFICE], by, 0.0, b_sys, c_sys, np.sqrt(share)",
+        "_AT[c.SYSTEM_ORIFICE], by, 0.0, b_sys, c_sys, share",
     ),
     Mutant(
         "limits of the model",

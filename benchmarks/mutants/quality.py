@@ -47,7 +47,7 @@ MUTANTS: tuple[Mutant, ...] = (
     _doubt("service.ingest.doubts", "or _is_a_period(step):", "or not _is_a_period(step):"),
     _doubt("service.history.contradictions", "if fewer and agree else", "if agree else"),
     _late("refold", "Pump.revision == pump.revision, ", ""),
-    _late("settling", "self.touch(pump_id)  # whoever", "continue  # whoever"),
+    _late("settling", "if self._left.get(pump_id) is not held:", "if False:"),
     _late("folded", "is_whole = end == len(links)", "is_whole = True"),
     _behind("behind", "take_over(pump, whole=False)", "take_over(pump, whole=True)"),
     _behind("telling", "if news.to_all:", "if False:"),

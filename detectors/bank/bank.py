@@ -6,7 +6,7 @@ freedom), so that one outlier costs a hypothesis a bounded amount.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,9 +19,9 @@ from detectors.bank.hypotheses import (
     UNMEASURED_RESERVOIR_WALK_BAR,
     prior,
 )
-from detectors.bank.kernel import advance, begun, free, remembered, step, surprise
+from detectors.bank.kernel import close, free, pass_time, step, surprise
 from detectors.bank.lines import LineScatter
-from detectors.bank.prediction import CASE, LINE, ZERO, Expected, expected
+from detectors.bank.prediction import CASE, LINE, ZERO, Expected, discrepancy, expected_by_both
 from detectors.bank.refit import fit_anew
 from detectors.bank.regulation import Regulation
 from detectors.bank.shapes import (
@@ -35,28 +35,23 @@ from detectors.bank.shapes import (
     Freed,
     Integers,
     Kinds,
-    Walks,
 )
-from detectors.bank.summary import spawned
+from detectors.bank.summary import beyond_doubt, spawned
 from detectors.bank.tables import (
-    AMPLITUDE_VARIANCE,
     ARRIVAL_KINDS,
     ARRIVAL_LEAKAGE_LPM,
     BREADTH,
-    BY_LINES,
     DIRECTIONS,
     DISCREPANCY,
-    IS_BOUNDED,
     IS_HEALTHY,
     KINDS,
     LOG_ARRIVAL,
     MOST_ONSETS,
-    OF_RESERVOIR,
-    RATE_VARIANCE,
-    SETTING_VARIANCE,
-    WALK,
+    WALKS,
     empty_filters,
     kinds_of,
+    most_onsets,
+    scales_of,
     touched_by,
 )
 from detectors.bank.window import Measurement, history_of, nothing_freed
@@ -85,6 +80,7 @@ _CURED_NOTHING = -2.0
 """Price of what was done having cured nothing (estimate: one entry in eight does not help) [nat]."""
 _LEVEL_EVIDENCE = 1.0
 """Lead that is as good as none [nat] (estimate)."""
+_NOTHING = DIRECTIONS[HEALTHY]
 _WARMTH, _LOAD = COLUMN["warmth"], COLUMN["load_flow"]
 _LEAST_LOAD_LPM = 1.0
 """Flow from which a window counts as one under load (estimate: twice what counts as zero)."""
@@ -167,7 +163,6 @@ class Bank:
         if surprising:
             # a candidate that is late by one record would have to explain it away: whoever does that best is not right
             self.spawn(BREADTH)
-        begun(filters, self.n)
         for measurement in measurements:
             if measurement.reservoir_measured is not self.reservoir_measured:
                 self._set_reservoir(measurement.reservoir_measured)
@@ -175,8 +170,7 @@ class Bank:
             iterations = _ITERATIONS if surprising or self.records < _FIRST_RECORDS else 1
             self._take(measurement, iterations)
             self.regulation.learn(measurement.regulation, measurement.anchor[_WARMTH])
-        filters.log_evidence[: self.n] -= filters.log_evidence[: self.n].max()
-        remembered(filters, self.n)
+        close(filters, self.n)
         self.records += 1
         self.learnt.append(measurements)
         self._accept()
@@ -190,9 +184,7 @@ class Bank:
 
     def expected(self, measurement: Measurement) -> tuple[Expected, Expected]:
         """What the healthy and what the likeliest filter expect to be measured."""
-        filters, f = self.filters, int(self.filters.log_evidence[: self.n].argmax())
-        of = [expected(filters.mean[k], DIRECTIONS[filters.kind[k]], measurement.reading) for k in (0, f)]
-        return of[0], of[1]
+        return expected_by_both(self.filters, self.n, DIRECTIONS, measurement.reading)
 
     def _as_weighed(self, measurement: Measurement) -> Measurement:
         """The measurement with what its noise leaves out.
@@ -200,44 +192,33 @@ class Bank:
         Far from where the healthy pump was learnt sensor and laws are less sure of the case pressure; the line at once per
         turn scatters as this pump's own does, which it teaches in turn.
         """
-        noise, reading = measurement.noise.copy(), measurement.reading
-        if CASE in measurement.seen:
-            _, case, _ = expected(self.filters.mean[0], DIRECTIONS[HEALTHY], reading)
-            noise[CASE, CASE] += (DISCREPANCY * (measurement.values[CASE] - case)) ** 2
+        noise = measurement.noise.copy()
+        noise[CASE, CASE] += discrepancy(self.filters.mean[0], _NOTHING, measurement.reading, DISCREPANCY)
         if measurement.seen[-1] == LINE:
             before = self.line_scatter
             self.line_scatter = before.with_line(float(measurement.values[LINE]), float(noise[LINE, LINE]))
             noise[LINE, LINE] += before.variance
-        return replace(measurement, noise=noise)
+        return measurement.with_noise(noise)
 
     def _is_surprising(self, measurements: tuple[Measurement, ...]) -> bool:
         """Whether the likeliest filter does not explain the record that comes next."""
-        filters, f = self.filters, int(self.filters.log_evidence[: self.n].argmax())
-        direction = DIRECTIONS[filters.kind[f]]
-        return any(
-            surprise(filters.mean[f], filters.covariance[f], direction, m.reading, self.alive) > 1.0
-            for m in measurements
-        )
+        return any(surprise(self.filters, self.n, DIRECTIONS, m.reading, self.alive) > 1.0 for m in measurements)
 
     def _accept(self) -> None:
         """Let the healthy pump go on from where a healthy change took it, once that is beyond doubt."""
         n, filters = self.n, self.filters
         if filters.log_evidence[0] > -_BEYOND_DOUBT:
             return  # nothing lies that far above the healthy pump
-        old = filters.onset[:n] <= self.records - _BEYOND_DOUBT_RECORDS
-        changed = np.flatnonzero(IS_HEALTHY[filters.kind[:n]] & old)
-        if not len(changed):
+        latest = self.records - _BEYOND_DOUBT_RECORDS
+        likeliest = beyond_doubt(filters, n, latest, IS_HEALTHY, GONE, _BEYOND_DOUBT)
+        if likeliest < 0:
             return
-        likeliest = changed[filters.log_evidence[changed].argmax()]
-        gone = filters.kind[likeliest] == GONE
-        # a fault that is gone leaves nothing of what was thought of it; a new fluid says nothing of other faults
-        rivals = np.flatnonzero(filters.kind[:n] != GONE) if gone else np.zeros(1, dtype=np.int64)
-        if filters.log_evidence[likeliest] < filters.log_evidence[rivals].max() + _BEYOND_DOUBT:
-            return
+        gone, changed = filters.kind[likeliest] == GONE, IS_HEALTHY[filters.kind[:n]] & (filters.onset[:n] <= latest)
         if gone and self.resolving != HEALTHY:
             self.ended, self.resolving = self.resolving, HEALTHY
         take_over(filters, likeliest, FAULT_KINDS[filters.kind[likeliest]].moves)
-        self._keep(np.zeros(1, dtype=np.int64) if gone else np.setdiff1d(np.arange(n), changed))
+        # a fault that is gone leaves nothing of what was thought of it; a new fluid says nothing of other faults
+        self._keep(np.zeros(1, dtype=np.int64) if gone else np.flatnonzero(~changed))
         self.rebase()
 
     def supplement(self, measurement: Measurement) -> None:
@@ -267,7 +248,7 @@ class Bank:
         rows = np.flatnonzero((kind == HEALTHY) | (fitted & (filters.onset[:n] >= self.base.records)))
         before = filters.log_evidence[0]
         history = history_of(self.learnt, self.base.records, self.freed)
-        fit_anew(filters, rows, self.base, self.kinds, self._walks(), history, self.alive, _MOST_PASSES)
+        fit_anew(filters, rows, self.base, self.kinds, WALKS, history, self.alive, _MOST_PASSES)
         filters.log_evidence[rows] += before - filters.log_evidence[0]
         filters.log_evidence[:n] -= filters.log_evidence[:n].max()
 
@@ -278,18 +259,9 @@ class Bank:
         self.freed = nothing_freed()
         self.refits = self.records == 0
 
-    def _walks(self) -> Walks:
-        """Variances per record: of the state, of each filter's amplitude and rate, of a setting that moves beside it."""
-        kinds, shape = self.filters.kind[: self.n], self.filters.shape[: self.n]
-        return Walks(WALK, AMPLITUDE_VARIANCE[shape, kinds], RATE_VARIANCE[shape, kinds], SETTING_VARIANCE[kinds])
-
     def _pass_time(self) -> None:
         """Let every component wander from the last record to the next."""
-        advance(self.filters, self.n, self._walks())
-        if not self.reservoir_measured:
-            self.filters.covariance[: self.n, PLACE["reservoir"], PLACE["reservoir"]] += (
-                UNMEASURED_RESERVOIR_WALK_BAR**2
-            )
+        pass_time(self.filters, self.n, WALKS, 0.0 if self.reservoir_measured else UNMEASURED_RESERVOIR_WALK_BAR**2)
         self.regulation.pass_time()
 
     def _take(self, measurement: Measurement, iterations: int) -> None:
@@ -303,18 +275,13 @@ class Bank:
 
         ``breadth`` is how many times its kind's scale a fault may be that nothing bounds.
         """
-        scales = np.where(IS_BOUNDED, 1.0, breadth) * KINDS.scales
+        scales = scales_of(breadth)
         self.n = spawned(self.filters, self.n, self.records, self.kinds, self._most_onsets(), scales)
         self.regulation.spawn()
 
     def _most_onsets(self) -> Integers:
-        """How many onsets are kept by shape and kind: none of what this history cannot tell from another kind."""
-        most = MOST_ONSETS.copy()
-        if not self.lines_seen:
-            most[:, BY_LINES] = 0
-        if not self.reservoir_measured:
-            most[:, OF_RESERVOIR] = 0
-        return most
+        """How many onsets are kept by shape and kind."""
+        return most_onsets(lines=self.lines_seen, reservoir=self.reservoir_measured)
 
     def reset(self, freed: Mapping[str, float | None], *, cures: bool = True) -> None:
         """Something touched some components: they are as unknown as in any pump of the population, and nothing else is.

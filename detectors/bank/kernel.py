@@ -10,6 +10,7 @@ from detectors.expectation.components import (
     AMPLITUDE,
     N_STATE,
     RATE,
+    RESERVOIR,
     SETTING,
 )
 from detectors.words.numbers import STUDENT_DEGREES
@@ -106,12 +107,12 @@ def take(
     k = len(seen)
     # n is no constant: loops of known length would be unrolled and done one number at a time
     H, PH, W = wide[:N_MEASURED], wide[N_MEASURED : 2 * N_MEASURED], wide[2 * N_MEASURED : 3 * N_MEASURED]
-    slopes, full = wide[3 * N_MEASURED : 3 * N_MEASURED + 3], wide[3 * N_MEASURED + 3]
+    full = wide[3 * N_MEASURED]
     S, L = small[:N_MEASURED], small[N_MEASURED : 2 * N_MEASURED]
     y, innovation, white = small[2 * N_MEASURED], small[2 * N_MEASURED + 1], small[2 * N_MEASURED + 2]
     log_density, misfit = 0.0, 0.0
     for iteration in range(iterations):
-        predicted(point, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
+        predicted(point, direction, anchor, ripple, full, y, H, max(seen[k - 1], ZERO) + 1)
         for a in range(k):
             ia = seen[a]
             innovation[a] = _projected(values[ia] - y[ia], H[ia], m, P, point, n, PH[a])
@@ -143,16 +144,23 @@ def take(
         for i in range(n):
             point[i] = m[i]
         for a in range(k):
+            own, move = W[a], white[a]
             for i in range(n):
-                W[a, i] = PH[a, i]
-            for b in range(a):
-                factor = L[a, b]
+                own[i] = PH[a, i]
+            for b in range(a % 2, a, 2):
+                u, v = L[a, b], L[a, b + 1]
                 for i in range(n):
-                    W[a, i] -= factor * W[b, i]
+                    own[i] -= u * W[b, i] + v * W[b + 1, i]
             factor = 1.0 / L[a, a]
-            for i in range(n):
-                W[a, i] *= factor
-                point[i] += W[a, i] * white[a]
+            if a % 2 == 1:
+                u = L[a, 0]
+                for i in range(n):
+                    own[i] = factor * (own[i] - u * W[0, i])
+                    point[i] += own[i] * move
+            else:
+                for i in range(n):
+                    own[i] *= factor
+                    point[i] += own[i] * move
     _less(P, W, k, n)
     for i in range(n):
         m[i] = point[i]
@@ -246,10 +254,12 @@ def step(filters: Filters, n_filters: int, directions: Array, reading: Reading, 
 
 
 @compiled
-def surprise(m: Array, P: Array, direction: Array, reading: Reading, n: int) -> float:
-    """Squared distance of a measurement from what a filter expects, over the largest that counts as explained."""
+def surprise(filters: Filters, n_filters: int, directions: Array, reading: Reading, n: int) -> float:
+    """Squared distance of a measurement from what the likeliest filter expects, over the largest that counts as explained."""
+    f = filters.log_evidence[:n_filters].argmax()
+    m, P = filters.mean[f], filters.covariance[f]
     room, point = scratch(), m.copy()
-    return take(m.copy(), P.copy(), direction, reading, n, 1, point, np.empty(0), room)[1]
+    return take(m.copy(), P.copy(), directions[filters.kind[f]], reading, n, 1, point, np.empty(0), room)[1]
 
 
 @compiled
@@ -264,14 +274,9 @@ def _open_density(m: Array, reading: Reading, direction: Array, room: Scratch) -
     """Logarithm of the predictive density of whoever knows nothing but how far apart two records may lie."""
     anchor, ripple, values, noise, seen = reading
     wide, small = room
-    H, slopes, full, y = (
-        wide[:N_MEASURED],
-        wide[3 * N_MEASURED : 3 * N_MEASURED + 3],
-        wide[3 * N_MEASURED + 3],
-        small[0],
-    )
+    H, full, y = wide[:N_MEASURED], wide[3 * N_MEASURED], small[0]
     k = len(seen)
-    predicted(m, direction, anchor, ripple, full, slopes, y, H, max(seen[k - 1], ZERO) + 1)
+    predicted(m, direction, anchor, ripple, full, y, H, max(seen[k - 1], ZERO) + 1)
     distance, log_det = 0.0, 0.0
     for a in range(k):
         i = seen[a]
@@ -298,26 +303,44 @@ def begun(filters: Filters, n_filters: int) -> None:
 
 
 @compiled
+def pass_time(filters: Filters, n_filters: int, walks: Walks, reservoir: float) -> None:
+    """From the last record to the next, which begins, in place; ``reservoir`` is what its pressure wanders by beside [bar^2]."""
+    advance(filters, n_filters, walks)
+    if reservoir > 0.0:
+        for f in range(n_filters):
+            filters.covariance[f, RESERVOIR, RESERVOIR] += reservoir
+    begun(filters, n_filters)
+
+
+@compiled
+def close(filters: Filters, n_filters: int) -> None:
+    """A record has been taken, in place: evidence counts from the likeliest filter on, and who explained it is noted."""
+    log_evidence = filters.log_evidence[:n_filters]
+    log_evidence -= log_evidence.max()
+    remembered(filters, n_filters)
+
+
+@compiled
 def _whitened(L: Array, innovation: Array, white: Array, k: int) -> tuple[float, float]:
     """``white = L^-1 innovation``; its square sum and the log determinant of L L'."""
-    distance, log_det = 0.0, 0.0
+    distance, root = 0.0, 1.0
     for a in range(k):
         total = innovation[a]
         for b in range(a):
             total -= L[a, b] * white[b]
         white[a] = total / L[a, a]
         distance += white[a] * white[a]
-        log_det += 2.0 * math.log(L[a, a])
-    return distance, log_det
+        root *= L[a, a]
+    return distance, 2.0 * math.log(root)
 
 
 @compiled
 def advance(filters: Filters, n_filters: int, walks: Walks) -> None:
     """From one record to the next, in place: amplitudes grow by their rate, every component wanders."""
     for f in range(n_filters):
-        wandered(
-            filters.mean[f], filters.covariance[f], walks.state, walks.amplitude[f], walks.rate[f], walks.setting[f]
-        )
+        shape, kind = filters.shape[f], filters.kind[f]
+        amplitude, rate, setting = walks.amplitude[shape, kind], walks.rate[shape, kind], walks.setting[kind]
+        wandered(filters.mean[f], filters.covariance[f], walks.state, amplitude, rate, setting)
 
 
 @compiled
@@ -325,15 +348,16 @@ def wandered(m: Array, P: Array, walk: Array, amplitude: float, rate: float, set
     """One filter from one record to the next, in place; ``walk`` (N,) and the rest are variances."""
     if P[RATE, RATE] > 0.0:
         m[AMPLITUDE] += m[RATE]
-        for i in range(N_STATE):
-            P[AMPLITUDE, i] += P[RATE, i]
-        for i in range(N_STATE):
-            P[i, AMPLITUDE] += P[i, RATE]
         m[RATE] *= GROWS_ON
         for i in range(N_STATE):
+            P[AMPLITUDE, i] += P[RATE, i]
             P[RATE, i] *= GROWS_ON
+        P[AMPLITUDE, AMPLITUDE] += P[AMPLITUDE, RATE]
+        P[AMPLITUDE, RATE] *= GROWS_ON
+        P[RATE, RATE] *= GROWS_ON
+        P[RATE, AMPLITUDE] = P[AMPLITUDE, RATE]
         for i in range(N_STATE):
-            P[i, RATE] *= GROWS_ON
+            P[i, AMPLITUDE], P[i, RATE] = P[AMPLITUDE, i], P[RATE, i]
     for i in range(N_STATE):
         P[i, i] += walk[i]
     P[AMPLITUDE, AMPLITUDE] += amplitude

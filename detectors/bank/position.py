@@ -11,7 +11,8 @@ import numpy as np
 
 from detectors.bank.bank import HEALTHY, Bank
 from detectors.bank.hypotheses import FAULT_KINDS, MEASURED_RESERVOIR_SD_BAR
-from detectors.bank.shapes import ALIKE, ARRIVAL, STATED, Array, Integers
+from detectors.bank.shapes import ARRIVAL, Array, Integers
+from detectors.bank.summary import split
 from detectors.bank.tables import KINDS, MOST_ONSETS
 from detectors.expectation.components import AMPLITUDE, LAW, PLACE, RATE
 from detectors.words.verdict import State
@@ -109,15 +110,8 @@ def shares_of(bank: Bank, whole: Array, by_prior: Array) -> Array:
 
     Whether anything changed follows from all that the data say, which cause from the tempered likelihood.
     """
-    filters, n = bank.filters, bank.n
-    nothing = _IS_HEALTHY[filters.kind[:n]] | (filters.shape[:n] == ARRIVAL)
-    shares = np.zeros((2, n))
-    healthy = float(whole[nothing].sum())
-    for way in (STATED, ALIKE):
-        among = float(by_prior[way, ~nothing].sum())
-        shares[way, nothing] = whole[nothing]
-        if among > 0.0:
-            shares[way, ~nothing] = (1.0 - healthy) * by_prior[way, ~nothing] / among
+    shares = np.empty((2, bank.n))
+    split(bank.filters.kind, bank.filters.shape, _IS_HEALTHY, whole, by_prior, shares)
     return shares
 
 

@@ -20,6 +20,7 @@ from detectors.expectation.components import (
     LN_VISCOSITY,
     N_COMPONENTS,
     N_LIVING,
+    N_PLACES,
     N_STATE,
     ONCE,
     RESERVOIR,
@@ -31,7 +32,7 @@ N_MEASURED = 6
 """Discharge pressure, case pressure, zero of the case sensor, order n of both pressures, line at once per turn."""
 DISCHARGE, CASE, ZERO, RIPPLE, CASE_RIPPLE, LINE = range(N_MEASURED)
 
-N_SLOPES = N_STATE + N_COMPONENTS - N_LIVING
+N_SLOPES = N_PLACES
 """A slope for every place of the state, and after them one for every component that only a fault moves."""
 _P_R, _WARMTH = COLUMN["reservoir"], COLUMN["warmth"]
 _LEAST_RATIO = 0.05
@@ -55,7 +56,6 @@ def predicted(
     anchor: Array,
     ripple: Array,
     full: Array,
-    slopes: Array,
     y: Array,
     H: Array,
     n_rows: int = N_MEASURED,
@@ -64,15 +64,13 @@ def predicted(
 
     ``direction`` (2, N_COMPONENTS) is what the amplitude moves, and what its product with the law moves on top;
     ``ripple`` holds the relative slopes of order n of both pressures by the components, shape (2, N_COMPONENTS);
-    ``full`` and ``slopes`` are work space. Only the first ``n_rows`` of ``H`` are needed, at least three; where no more
+    ``full`` (N_COMPONENTS,) is work space. Only the first ``n_rows`` of ``H`` are needed, at least three; where no more
     are, those of the lines stay as they are.
     """
     amplitude, law = state[AMPLITUDE], state[LAW]
     _whole(state, direction, full)
-    pressures(anchor, full, y, slopes)
-    H[:n_rows, :] = 0.0
-    for j in range(N_COMPONENTS):
-        H[DISCHARGE, place(j)], H[CASE, place(j)] = slopes[DISCHARGE, j], slopes[CASE, j]
+    pressures(anchor, full, y, H)
+    H[ZERO:n_rows, :] = 0.0
     span = 1.0 + full[CASE_SPAN]
     if span != 1.0:
         H[CASE, :] *= span
@@ -99,12 +97,13 @@ def predicted(
             answer = 1.0 + full[ANSWER]
             gain = full[LN_RIPPLE + r] + r * anchor[_WARMTH] * full[CASE_RIPPLE_WARMTH]
             line = math.exp(gain) * ratio**answer
+            share = line * answer / ratio
             for j in range(N_COMPONENTS):
-                H[RIPPLE + r, place(j)] = line * answer / ratio * ripple[r, j]
+                H[RIPPLE + r, place(j)] = share * ripple[r, j]
             H[RIPPLE + r, place(LN_SLIPPER)] *= more_s
             H[RIPPLE + r, place(LN_LAMINAR)] *= more_l
             thinner = SLIPPER_VISCOSITY * by_slippers * (1.0 - more_s) + by_laminar * (1.0 - more_l)
-            H[RIPPLE + r, place(LN_VISCOSITY)] += line * answer / ratio * thinner
+            H[RIPPLE + r, place(LN_VISCOSITY)] += share * thinner
             y[RIPPLE + r] = line
             H[RIPPLE + r, place(LN_RIPPLE + r)] += line
             H[RIPPLE + r, place(CASE_RIPPLE_WARMTH)] += r * anchor[_WARMTH] * line
@@ -112,10 +111,12 @@ def predicted(
         y[LINE] = abs(full[ONCE])
         H[LINE, place(ONCE)] = 1.0 if full[ONCE] >= 0.0 else -1.0
     for j in range(N_COMPONENTS):
-        if direction[0, j] != 0.0 or direction[1, j] != 0.0:
+        by, by_law = direction[0, j], direction[1, j]
+        if by != 0.0 or by_law != 0.0:
+            at = place(j)
             for i in range(n_rows):
-                H[i, AMPLITUDE] += H[i, place(j)] * (direction[0, j] + law * direction[1, j])
-                H[i, LAW] += H[i, place(j)] * amplitude * direction[1, j]
+                H[i, AMPLITUDE] += H[i, at] * (by + law * by_law)
+                H[i, LAW] += H[i, at] * amplitude * by_law
 
 
 @compiled
@@ -137,40 +138,57 @@ class Scratch(NamedTuple):
 @compiled
 def scratch() -> Scratch:
     """Room for ``take``, made once for all filters."""
-    return Scratch(np.empty((3 * N_MEASURED + 4, N_SLOPES)), np.empty((3 * N_MEASURED + 5, N_MEASURED)))
+    return Scratch(np.empty((3 * N_MEASURED + 1, N_SLOPES)), np.empty((3 * N_MEASURED + 5, N_MEASURED)))
 
 
 @compiled
 def expected(m: Array, direction: Array, reading: Reading) -> tuple[float, float, float]:
     """Discharge and case pressure that a filter expects to be measured, and its case over reservoir pressure [bar]."""
     wide, small = scratch()
-    H, slopes, full, y = (
-        wide[:N_MEASURED],
-        wide[3 * N_MEASURED : 3 * N_MEASURED + 3],
-        wide[3 * N_MEASURED + 3],
-        small[0],
-    )
-    predicted(m, direction, reading.anchor, reading.ripple, full, slopes, y, H, ZERO + 1)
+    H, full, y = wide[:N_MEASURED], wide[3 * N_MEASURED], small[0]
+    predicted(m, direction, reading.anchor, reading.ripple, full, y, H, ZERO + 1)
     reservoir = reading.anchor[_P_R] + full[RESERVOIR]
     return float(y[DISCHARGE]), float(y[CASE]), float(y[CASE] - full[CASE_OFFSET] - reservoir)
 
 
 @compiled
+def discrepancy(m: Array, direction: Array, reading: Reading, share: float) -> float:
+    """Variance of the case pressure [bar^2] where its deviation from what a filter expects is off by a share of itself."""
+    for i in reading.seen:
+        if i == CASE:
+            _, case, _ = expected(m, direction, reading)
+            return float((share * (reading.values[CASE] - case)) ** 2)
+    return 0.0
+
+
+@compiled
+def expected_by_both(filters: Filters, n: int, directions: Array, reading: Reading) -> tuple[Expected, Expected]:
+    """What the healthy and what the likeliest of the first n filters expect to be measured."""
+    f = filters.log_evidence[:n].argmax()
+    healthy = expected(filters.mean[0], directions[filters.kind[0]], reading)
+    return healthy, expected(filters.mean[f], directions[filters.kind[f]], reading)
+
+
+@compiled
 def case_flow(state: Array, covariance: Array, direction: Array, anchor: Array) -> tuple[float, float]:
     """Case flow of one filter's state at an anchor and its variance [L/min, (L/min)^2]."""
-    full, slopes, y = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(2)
+    full, slopes, y = np.empty(N_COMPONENTS), np.empty((3, N_SLOPES)), np.empty(2)
     gradient = np.zeros(N_STATE)
     _whole(state, direction, full)
     flow = pressures(anchor, full, y, slopes)
     for j in range(N_COMPONENTS):
-        gradient[AMPLITUDE] += slopes[2, j] * (direction[0, j] + direction[1, j] * state[LAW])
-        gradient[LAW] += slopes[2, j] * direction[1, j] * state[AMPLITUDE]
+        slope = slopes[2, place(j)]
+        gradient[AMPLITUDE] += slope * (direction[0, j] + direction[1, j] * state[LAW])
+        gradient[LAW] += slope * direction[1, j] * state[AMPLITUDE]
         if j < N_LIVING:
-            gradient[place(j)] = slopes[2, j]
-    variance = 0.0
+            gradient[place(j)] = slope
+    row, variance = np.zeros(N_STATE), 0.0
     for i in range(N_STATE):
-        for j in range(N_STATE):
-            variance += gradient[i] * covariance[i, j] * gradient[j]
+        if gradient[i] != 0.0:
+            for j in range(N_STATE):
+                row[j] += gradient[i] * covariance[i, j]
+    for j in range(N_STATE):
+        variance += row[j] * gradient[j]
     return flow, variance
 
 

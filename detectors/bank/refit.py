@@ -132,7 +132,12 @@ def _through(
         filters.onset[f],
         kinds.directions[filters.kind[f]],
     )
-    walk, amplitude_walk, rate_walk, setting_walk = walks.state, walks.amplitude[f], walks.rate[f], walks.setting[f]
+    walk, amplitude_walk, rate_walk, setting_walk = (
+        walks.state,
+        walks.amplitude[shape, kind],
+        walks.rate[shape, kind],
+        walks.setting[kind],
+    )
     record, seen = history.record, history.seen
     places, point = np.empty(seen.shape[1], dtype=np.int64), about.copy()
     amplitude = about[AMPLITUDE]

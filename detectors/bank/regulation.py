@@ -12,8 +12,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from detectors.bank.regulation_kernel import advance, learn, log_odds
-from detectors.bank.shapes import LEVEL, SIZE, WARMTH, Array, Charts
+from detectors.bank.regulation_kernel import advance, learn, log_odds, spawn
+from detectors.bank.shapes import LEVEL, WARMTH, Array, Charts
 
 
 class Feature(IntEnum):
@@ -47,6 +47,7 @@ known of the consumers; the twin's frequency falls by a tenth between 30 and 90 
 _LEVEL_WALK = (np.array([0.01, 0.01, 0.0015]) / _NOISE) ** 2
 _SIZE_WALK = (np.array([0.05, 0.05, 0.004]) / _NOISE) ** 2
 """Variance from record to record of a healthy pump's level and of a fault's size, in noise variances (estimates)."""
+_SIZE_VARIANCE = (_SCALE / _NOISE) ** 2
 _FIRST_HALF_DEGREES = 2.5
 _MOST_HALF_DEGREES = 6.0
 """Degrees of freedom, halved, of the Student-t evidence: at first, and once the spread is known. Never more, so that a
@@ -94,26 +95,7 @@ class Regulation:
 
     def spawn(self) -> None:
         """A change of every feature setting in now; the least likely onset gives way."""
-        charts = self.charts
-        for k in np.flatnonzero(charts.begun):
-            place = int(charts.n[k])
-            if place == _CAPACITY:
-                place = 1 + int(np.argmin(charts.log_evidence[k, 1:]))
-            else:
-                charts.n[k] += 1
-            for array in (
-                charts.mean,
-                charts.covariance,
-                charts.half_degrees,
-                charts.sum_of_squares,
-                charts.log_evidence,
-            ):
-                array[k, place] = array[k, 0]
-            charts.covariance[k, place, SIZE, :] = 0.0
-            charts.covariance[k, place, :, SIZE] = 0.0
-            charts.covariance[k, place, SIZE, SIZE] = (_SCALE[k] / _NOISE[k]) ** 2
-            charts.presence[k, place] = _PRESENCE
-            charts.log_evidence[k, place] += LOG_HAZARD
+        spawn(self.charts, _PRESENCE, _SIZE_VARIANCE, LOG_HAZARD)
 
     def log_odds(self) -> float:
         """Log of prior odds times evidence of a changed regulation against the healthy pump, over all charts.

@@ -80,6 +80,32 @@ def _learn(charts: Charts, k: int, value: float, warmth: float, most_variance: f
 
 
 @compiled
+def spawn(charts: Charts, presence: Array, size_variance: Array, log_hazard: float) -> None:
+    """A change of every feature that was seen sets in now, in place; the least likely onset gives way.
+
+    ``presence`` (2,) are the prior flights on which it shows and does not, ``size_variance`` by feature in noise variances.
+    """
+    for k in range(len(charts.n)):
+        if not charts.begun[k]:
+            continue
+        place = charts.n[k]
+        if place == charts.mean.shape[1]:
+            place = 1 + charts.log_evidence[k, 1:].argmin()
+        else:
+            charts.n[k] += 1
+        for i in range(3):
+            charts.mean[k, place, i] = charts.mean[k, 0, i]
+            for j in range(3):
+                of_size = SIZE in (i, j)
+                charts.covariance[k, place, i, j] = 0.0 if of_size else charts.covariance[k, 0, i, j]
+        charts.covariance[k, place, SIZE, SIZE] = size_variance[k]
+        charts.half_degrees[k, place] = charts.half_degrees[k, 0]
+        charts.sum_of_squares[k, place] = charts.sum_of_squares[k, 0]
+        charts.presence[k, place, SHOWN], charts.presence[k, place, ABSENT] = presence[SHOWN], presence[ABSENT]
+        charts.log_evidence[k, place] = charts.log_evidence[k, 0] + log_hazard
+
+
+@compiled
 def _log_density(off: float, spread: float, a: float, b: float) -> float:
     """Logarithm of the Student-t density ``off`` from its mean, ``spread`` in noise variances."""
     square = 2.0 * b * (spread + 1.0)

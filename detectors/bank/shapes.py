@@ -66,7 +66,8 @@ class Walks(NamedTuple):
     state
         Of a healthy pump's state, shape (N,).
     amplitude, rate, setting
-        Of each filter's amplitude, of its rate, and of the setting on top of its own, shape (M,).
+        Of a fault's amplitude and of its rate by shape and kind, shape (N_SHAPES, K + 1), and of the setting on top of its own
+        by kind, shape (K + 1,); the healthy pump last.
     """
 
     state: Array

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from detectors.bank.shapes import (
     ALIKE,
@@ -97,6 +98,48 @@ def summed(filters: Filters, n: int, records: int, meaning: Meaning, sums: Sums)
             oldest[q] = onset[f]
             moments[q, RESOLUTION] = math.sqrt(variance)
     return arrived
+
+
+@compiled
+def beyond_doubt(filters: Filters, n: int, latest: int, is_healthy: NDArray[np.bool_], gone: int, lead: float) -> int:
+    """The likeliest healthy change that set in by record ``latest``, where it leads its rivals by ``lead`` [nat]; -1 for none.
+
+    A fault that is gone has every other explanation for a rival, a new fluid the healthy pump alone.
+    """
+    likeliest, most, others = -1, -np.inf, -np.inf
+    for f in range(n):
+        found, kind = filters.log_evidence[f], filters.kind[f]
+        if is_healthy[kind] and filters.onset[f] <= latest and found > most:
+            likeliest, most = f, found
+        if kind != gone:
+            others = max(others, found)
+    if likeliest < 0:
+        return -1
+    rival = others if filters.kind[likeliest] == gone else filters.log_evidence[0]
+    return likeliest if most >= rival + lead else -1
+
+
+@compiled
+def split(
+    kind: Integers, shape: Integers, is_healthy: NDArray[np.bool_], whole: Array, by_prior: Array, shares: Array
+) -> None:
+    """Shares of filters under either prior into ``shares`` (2, m): how much is healthy by all that the data say (``whole``, (m,)),
+    the rest by the tempered likelihood (``by_prior``, (2, m)). ``is_healthy`` goes by kind, the healthy pump (-1) last.
+    """
+    healthy = 0.0
+    for f in range(len(whole)):
+        if is_healthy[kind[f]] or shape[f] == ARRIVAL:
+            healthy += whole[f]
+    for way in range(len(by_prior)):
+        among = 0.0
+        for f in range(len(whole)):
+            if not (is_healthy[kind[f]] or shape[f] == ARRIVAL):
+                among += by_prior[way, f]
+        for f in range(len(whole)):
+            if is_healthy[kind[f]] or shape[f] == ARRIVAL:
+                shares[way, f] = whole[f]
+            else:
+                shares[way, f] = (1.0 - healthy) * by_prior[way, f] / among if among > 0.0 else 0.0
 
 
 @compiled

@@ -1,6 +1,7 @@
 """Tables that the bank reads: kinds of fault as arrays, their priors by shape, how many onsets are kept, and how states walk."""
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from detectors.bank.hypotheses import (
     log_priors,
     walk_variance,
 )
-from detectors.bank.shapes import N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Kinds
+from detectors.bank.shapes import N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Kinds, Walks
 from detectors.expectation.components import N_COMPONENTS, N_STATE
 from detectors.words.verdict import State
 from twin.parameters import PumpType
@@ -55,10 +56,10 @@ DIRECTIONS = np.concatenate((directions(), np.zeros((1, 2, N_COMPONENTS))))
 shape (N_KINDS + 1, 2, N_COMPONENTS)."""
 _MOVES_SETTING = np.array([k.beside is not None for k in FAULT_KINDS] + [False])
 IS_HEALTHY = np.array([k.state is State.HEALTHY for k in FAULT_KINDS] + [False])
-IS_BOUNDED = np.array([k.state is State.HEALTHY or np.isfinite(k.most) for k in FAULT_KINDS] + [True])
+_IS_BOUNDED = np.array([k.state is State.HEALTHY or np.isfinite(k.most) for k in FAULT_KINDS] + [True])
 """Kinds that cannot be many times their usual size: fluids differ no more than they do, and what has a largest size."""
-BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
-OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
+_BY_LINES = np.array([any(name == "once" for name, _ in k.moves) for k in FAULT_KINDS])
+_OF_RESERVOIR = np.array([k.component == "reservoir" for k in FAULT_KINDS])
 _SCALES = np.append(kind_scales(), 0.0)
 _HEALS = np.array([-4.0 if k.state is State.PUMP_DEGRADATION else 0.0 for k in FAULT_KINDS] + [0.0])
 """Gaps that have worn do not close by themselves (estimate: one in fifty of those that seemed to be worn)."""
@@ -72,12 +73,12 @@ def kinds_of(pump: PumpType) -> Kinds:
     return KINDS._replace(log_priors=log_priors(LOG_ARRIVAL, hazards_of(pump)))
 
 
-AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
-RATE_VARIANCE = np.zeros_like(AMPLITUDE_VARIANCE)
-RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
-SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
+_AMPLITUDE_VARIANCE = np.outer(_AMPLITUDE_WALK, _SCALES) ** 2
+_RATE_VARIANCE = np.zeros_like(_AMPLITUDE_VARIANCE)
+_RATE_VARIANCE[RAMP] = (_RATE_WALK * _SCALES / RAMP_RECORDS) ** 2
+_SETTING_VARIANCE = np.where(_MOVES_SETTING, FREE_SETTING_WALK_BAR**2, 0.0)
 """Walks from record to record by shape and kind, the healthy pump last."""
-WALK = walk_variance()
+WALKS = Walks(walk_variance(), _AMPLITUDE_VARIANCE, _RATE_VARIANCE, _SETTING_VARIANCE)
 
 
 def empty_filters() -> Filters:
@@ -96,6 +97,24 @@ def empty_filters() -> Filters:
         unexplained=np.zeros(CAPACITY, dtype=np.int64),
         shown=np.zeros(CAPACITY, dtype=np.int64),
     )
+
+
+@cache
+def most_onsets(*, lines: bool, reservoir: bool) -> NDArray[np.int64]:
+    """How many onsets are kept by shape and kind, (N_SHAPES, N_KINDS): none of what cannot be told without lines or reservoir."""
+    most = MOST_ONSETS.copy()
+    if not lines:
+        most[:, _BY_LINES] = 0
+    if not reservoir:
+        most[:, _OF_RESERVOIR] = 0
+    most.flags.writeable = False
+    return most
+
+
+@cache
+def scales_of(breadth: float) -> NDArray[np.float64]:
+    """One-sigma sizes that new faults are expected to have, (N_KINDS + 1,): ``breadth`` times the usual where nothing bounds them."""
+    return np.where(_IS_BOUNDED, 1.0, breadth) * KINDS.scales
 
 
 def touched_by(freed: Mapping[str, float | None]) -> NDArray[np.bool_]:

@@ -42,6 +42,12 @@ class Measurement:
     reservoir_measured: bool
     regulation: Array = field(default_factory=lambda: _UNSEEN)
 
+    def with_noise(self, noise: Array) -> "Measurement":
+        """The same with another covariance, shape (6, 6)."""
+        return Measurement(
+            self.values, noise, self.seen, self.anchor, self.ripple, self.reservoir_measured, self.regulation
+        )
+
     @property
     def reading(self) -> Reading:
         """What the filters take of it."""

@@ -150,9 +150,9 @@ def _predicted(state: Array, kind: int, anchor: Array) -> tuple[Array, Array]:
     """Place in the plane that a state says, shape (2,), and its slopes by the state, shape (2, N)."""
     own = state.copy()
     own[list(_OF_SENSORS)] = 0.0
-    full, work, y = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(N_MEASURED)
+    full, y = np.empty(N_COMPONENTS), np.empty(N_MEASURED)
     slopes = np.empty((N_MEASURED, N_SLOPES))
-    predicted(own, DIRECTIONS[kind], anchor, NO_RIPPLE, full, work, y, slopes)
+    predicted(own, DIRECTIONS[kind], anchor, NO_RIPPLE, full, y, slopes)
     both = slopes[[DISCHARGE, CASE], :N_STATE].copy()
     both[:, list(_OF_SENSORS)] = 0.0
     return np.array((y[DISCHARGE], y[CASE] - anchor[_RESERVOIR])), both

@@ -103,8 +103,7 @@ def _course_of_state(pump: PumpType, n: int, rng: np.random.Generator) -> Array:
 def _answer(measurement: Measurement, state: Array, direction: Array) -> tuple[Array, Array]:
     """What the sensors show and its slopes, shapes (k,) and (k, N_STATE), of what was measured."""
     y, slopes = np.empty(N_MEASURED), np.empty((N_MEASURED, N_SLOPES))
-    full, work = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS))
-    predicted(state, direction, measurement.anchor, measurement.ripple, full, work, y, slopes)
+    predicted(state, direction, measurement.anchor, measurement.ripple, np.empty(N_COMPONENTS), y, slopes)
     return y[measurement.seen], slopes[measurement.seen][:, :N_STATE]
 
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled
 from twin.condition import INPUTS, OUTPUTS, Condition, Health, OperatingPoints, input_rows
-from twin.laws.fluid import kinematic_viscosity, throttling_heating
+from twin.laws.fluid import Fluid, kinematic_viscosity, throttling_heating
 from twin.operating_point.equations import drain_viscosity_ratio
 from twin.operating_point.points import slipper_model
 from twin.operating_point.solver import solve_batch
-from twin.parameters import Circuit, Pump, PumpType
+from twin.parameters import Circuit, Drive, Pump, PumpType
 from twin.parts.slipper_map import SlipperMap
 from twin.units import KELVIN_AT_0_DEGC, M3_PER_S_PER_LPM, PA_PER_BAR
 
@@ -156,11 +156,8 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     put("drain_flow", circuit.Q_ref / M3_PER_S_PER_LPM)
     fluid, drive = pump.pump.fluid, pump.pump.drive
     case = points.value("case_temperature_degc") + KELVIN_AT_0_DEGC
-    put("viscosity_ratio", np.array([drain_viscosity_ratio(drive, fluid, circuit.Q_ref, T) for T in case]))
-    per_pascal = np.array([throttling_heating(fluid, T, 1.0, 0.0) for T in kelvin])
-    per_kelvin = np.array(
-        [math.log(kinematic_viscosity(fluid, T - 0.5) / kinematic_viscosity(fluid, T + 0.5)) for T in case]
-    )
+    ratio, per_pascal, per_kelvin, law = _of_fluid(drive, fluid, circuit.Q_ref, kelvin, case)
+    put("viscosity_ratio", ratio)
     put("friction_warmth", per_kelvin * (case - kelvin - per_pascal * PA_PER_BAR * difference))
     put("heat_flow", drive.case_conductance * per_pascal / M3_PER_S_PER_LPM)
     warmer = kelvin - circuit.T_ref
@@ -171,8 +168,7 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     put("shared", circuit.shared)
     put("slipper_law", slippers / slippers[-1])
     put("laminar_law", laminar / laminar[-1])
-    nu_50 = kinematic_viscosity(fluid, 50.0 + KELVIN_AT_0_DEGC)
-    put("system_law", np.array([nu_50 / kinematic_viscosity(fluid, T) for T in kelvin]))
+    put("system_law", law)
     put("warmth", (celsius - 50.0) / 30.0)
     put("discharge_by_temperature", points.derivative("discharge_pressure_bar", "fluid_temperature_degc"))
     put("case_by_temperature", points.derivative("case_pressure_bar", "fluid_temperature_degc"))
@@ -181,6 +177,21 @@ def anchors(conditions: Sequence[Condition], pump: PumpType, circuit: Circuit) -
     solved = points.status == 0
     rows[~solved] = np.nan
     return rows[:-1], solved[:-1]
+
+
+@compiled
+def _of_fluid(drive: Drive, fluid: Fluid, bench_flow: float, kelvin: Array, case: Array) -> Array:
+    """Of each window's fluid, shape (4, n): viscosity in the drain's law [-]; warming by throttling [K/Pa] at ``kelvin``;
+    fall of the viscosity's logarithm per K at ``case``; viscosity at 50 degC over that at ``kelvin``.
+    """
+    found, nu_50 = np.empty((4, len(kelvin))), kinematic_viscosity(fluid, 50.0 + KELVIN_AT_0_DEGC)
+    for i in range(len(kelvin)):
+        found[0, i] = drain_viscosity_ratio(drive, fluid, bench_flow, case[i])
+        found[1, i] = throttling_heating(fluid, kelvin[i], 1.0, 0.0)
+        colder, warmer = kinematic_viscosity(fluid, case[i] - 0.5), kinematic_viscosity(fluid, case[i] + 0.5)
+        found[2, i] = math.log(colder / warmer)
+        found[3, i] = nu_50 / kinematic_viscosity(fluid, kelvin[i])
+    return found
 
 
 def _solved_apart(pump: Pump, inputs: Array, circuit: Circuit) -> OperatingPoints:

@@ -87,3 +87,6 @@ LOAD_LPM = 20.0
 """Flow of the load at which its components are counted [L/min]."""
 PLACE = {name: i if i < LN_RIPPLE else i + _OF_FAULT for name, i in INDEX.items()}
 """Places of the components in a filter's state; beyond N_STATE for those that only faults move."""
+PLACES = tuple(PLACE[name] for name in COMPONENTS)
+"""The same by the component's number."""
+N_PLACES = N_COMPONENTS + _OF_FAULT

@@ -37,8 +37,11 @@ SLIPPER_VISCOSITY = 0.9
 """Exponent of slipper leakage in viscosity: between its land (1) and its throttle (0); the operating point of the H225 has 0.88
 to 0.92 from 40 to 90 degC."""
 _LEAST_WEIGHT = 0.1
+_AT = c.PLACES
 _UNSEEN = (c.CASE_OFFSET, c.LN_RIPPLE, c.LN_CASE_RIPPLE, c.ONCE, c.CASE_RIPPLE_WARMTH, c.ANSWER, c.CASE_SPAN)
 """Components that move neither pressure."""
+_UNMOVED = (*(_AT[i] for i in (c.LOAD_DISCHARGE, c.LOAD_DISCHARGE_SQUARE, *_UNSEEN)), c.AMPLITUDE, c.RATE, c.LAW)
+"""Places of all that does not move the case pressure."""
 
 
 @compiled
@@ -78,7 +81,8 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     """Discharge and case pressure without sensor offsets [bar gauge] into ``y``, shape (2,); case flow [L/min].
 
     ``anchor`` is one row of ``detectors.expectation.anchor``; ``full`` the components of ``detectors.expectation.components``, shape (N,);
-    ``slopes``, shape (3, N), receives the derivatives of both and of the case flow.
+    ``slopes``, shape (3, N_PLACES) or larger, receives the derivatives of both and of the case flow, each component's in its
+    place of a state; nothing where a state holds its fault.
     """
     e_s = np.exp(full[c.LN_SLIPPER] - SLIPPER_VISCOSITY * full[c.LN_VISCOSITY])
     e_l = np.exp(full[c.LN_LAMINAR] - full[c.LN_VISCOSITY])
@@ -149,29 +153,29 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
     own_s, own_l = slip_0 * e_s, lam_0 * e_l
     law_s, law_l, leak_l = anchor[_SLIPPER_LAW], anchor[_LAMINAR_LAW], law_sys * sys_l
     droop = d * (anchor[_DROOP] + sagging + (anchor[_BY_SETTING] - 1.0) * full[c.SETTING])
-    _slope(slopes, c.LN_SLIPPER, by, own_s, b_s * own_s, c_s * own_s, 0.0, 0.0)
-    _slope(slopes, c.LN_LAMINAR, by, own_l, b_l * own_l, c_l * own_l, 0.0, 0.0)
-    _slope(slopes, c.SLIPPER_EXTRA, by, law_s, b_s * law_s, c_s * law_s, 0.0, 0.0)
-    _slope(slopes, c.LAMINAR_EXTRA, by, law_l, b_l * law_l, c_l * law_l, 0.0, 0.0)
-    _slope(slopes, c.THROTTLED, by, 0.0, d * anchor[_BY_THROTTLED], root + anchor[_C_THROTTLED], 0.0, 0.0)
-    _slope(slopes, c.BLEED, by, 0.0, d * anchor[_BY_BLEED], anchor[_C_BLEED], 0.0, 0.0)
-    _slope(slopes, c.SYSTEM_ORIFICE, by, 0.0, b_sys, c_sys, np.sqrt(share), 0.0)
-    _slope(slopes, c.SYSTEM_LAMINAR, by, 0.0, b_sys * law_sys, c_sys * law_sys, law_sys * share, 0.0)
-    _slope(slopes, c.SETTING, by, 0.0, set_by, anchor[_C_SETTING], 0.0, 0.0)
-    _slope(slopes, c.SOFTENING, by, 0.0, anchor[_WARMTH], 0.0, 0.0, 0.0)
-    _slope(slopes, c.LN_DROOP, by, 0.0, droop, 0.0, 0.0, 0.0)
-    _slope(slopes, c.LN_DRAIN, by, 0.0, 0.0, 0.0, 0.0, drop_c)
-    _slope(slopes, c.DRAIN_EXTRA, by, 0.0, 0.0, 0.0, 0.0, own)
-    _slope(slopes, c.DRAIN_VISCOUS, by, 0.0, 0.0, 0.0, 0.0, k_c * nu * Q_c)
-    _slope(slopes, c.DRAIN_ORIFICE, by, 0.0, 0.0, 0.0, 0.0, k_c * flow_ratio * Q_c)
-    _slope(slopes, c.DRAIN_VISCOSITY, by, 0.0, 0.0, 0.0, 0.0, whole * k_c * Q_c * (nu - 1.0) * nu_by)
-    _slope(slopes, c.DRAIN_FLOW, by, 0.0, 0.0, 0.0, 0.0, whole * k_c * Q_c * (flow_ratio - 1.0) * Q_by)
-    _slope(slopes, c.CASE_WARMTH, by, 0.0, 0.0, 0.0, 0.0, anchor[_WARMTH])
-    _slope(slopes, c.RESERVOIR, by, 0.0, 0.0, 0.0, 0.0, 1.0)
+    _slope(slopes, _AT[c.LN_SLIPPER], by, own_s, b_s * own_s, c_s * own_s, 0.0, 0.0)
+    _slope(slopes, _AT[c.LN_LAMINAR], by, own_l, b_l * own_l, c_l * own_l, 0.0, 0.0)
+    _slope(slopes, _AT[c.SLIPPER_EXTRA], by, law_s, b_s * law_s, c_s * law_s, 0.0, 0.0)
+    _slope(slopes, _AT[c.LAMINAR_EXTRA], by, law_l, b_l * law_l, c_l * law_l, 0.0, 0.0)
+    _slope(slopes, _AT[c.THROTTLED], by, 0.0, d * anchor[_BY_THROTTLED], root + anchor[_C_THROTTLED], 0.0, 0.0)
+    _slope(slopes, _AT[c.BLEED], by, 0.0, d * anchor[_BY_BLEED], anchor[_C_BLEED], 0.0, 0.0)
+    _slope(slopes, _AT[c.SYSTEM_ORIFICE], by, 0.0, b_sys, c_sys, np.sqrt(share), 0.0)
+    _slope(slopes, _AT[c.SYSTEM_LAMINAR], by, 0.0, b_sys * law_sys, c_sys * law_sys, law_sys * share, 0.0)
+    _slope(slopes, _AT[c.SETTING], by, 0.0, set_by, anchor[_C_SETTING], 0.0, 0.0)
+    _slope(slopes, _AT[c.SOFTENING], by, 0.0, anchor[_WARMTH], 0.0, 0.0, 0.0)
+    _slope(slopes, _AT[c.LN_DROOP], by, 0.0, droop, 0.0, 0.0, 0.0)
+    _slope(slopes, _AT[c.LN_DRAIN], by, 0.0, 0.0, 0.0, 0.0, drop_c)
+    _slope(slopes, _AT[c.DRAIN_EXTRA], by, 0.0, 0.0, 0.0, 0.0, own)
+    _slope(slopes, _AT[c.DRAIN_VISCOUS], by, 0.0, 0.0, 0.0, 0.0, k_c * nu * Q_c)
+    _slope(slopes, _AT[c.DRAIN_ORIFICE], by, 0.0, 0.0, 0.0, 0.0, k_c * flow_ratio * Q_c)
+    _slope(slopes, _AT[c.DRAIN_VISCOSITY], by, 0.0, 0.0, 0.0, 0.0, whole * k_c * Q_c * (nu - 1.0) * nu_by)
+    _slope(slopes, _AT[c.DRAIN_FLOW], by, 0.0, 0.0, 0.0, 0.0, whole * k_c * Q_c * (flow_ratio - 1.0) * Q_by)
+    _slope(slopes, _AT[c.CASE_WARMTH], by, 0.0, 0.0, 0.0, 0.0, anchor[_WARMTH])
+    _slope(slopes, _AT[c.RESERVOIR], by, 0.0, 0.0, 0.0, 0.0, 1.0)
     thinner_s, thinner_l = -SLIPPER_VISCOSITY * own_s, -own_l
     _slope(
         slopes,
-        c.LN_VISCOSITY,
+        _AT[c.LN_VISCOSITY],
         by,
         thinner_s + thinner_l,
         b_s * thinner_s + b_l * thinner_l - b_sys * leak_l,
@@ -179,17 +183,17 @@ def pressures(anchor: Array, full: Array, y: Array, slopes: Array) -> float:
         -leak_l * share,
         thick * Q_c,
     )
-    _slope(slopes, c.LOAD_CASE, by, 0.0, 0.0, 0.0, 0.0, load)
-    _slope(slopes, c.LOAD_CASE_SQUARE, by, 0.0, 0.0, 0.0, 0.0, load * load)
-    _slope(slopes, c.LOAD_WARMTH, by, 0.0, 0.0, 0.0, 0.0, load * anchor[_WARMTH])
-    for i in (c.LOAD_DISCHARGE, c.LOAD_DISCHARGE_SQUARE, *_UNSEEN):
+    _slope(slopes, _AT[c.LOAD_CASE], by, 0.0, 0.0, 0.0, 0.0, load)
+    _slope(slopes, _AT[c.LOAD_CASE_SQUARE], by, 0.0, 0.0, 0.0, 0.0, load * load)
+    _slope(slopes, _AT[c.LOAD_WARMTH], by, 0.0, 0.0, 0.0, 0.0, load * anchor[_WARMTH])
+    for i in _UNMOVED:
         slopes[0, i], slopes[1, i], slopes[2, i] = 0.0, 0.0, 0.0
-    slopes[0, c.LOAD_DISCHARGE], slopes[0, c.LOAD_DISCHARGE_SQUARE] = load, load * load
+    slopes[0, _AT[c.LOAD_DISCHARGE]], slopes[0, _AT[c.LOAD_DISCHARGE_SQUARE]] = load, load * load
     return float(Q_c)
 
 
 def nominal_pressures(anchor: Array) -> tuple[float, float]:
     """Discharge and case pressure of the nominal healthy pump at an anchor [bar gauge]."""
     y = np.empty(2)
-    pressures(anchor, np.zeros(c.N_COMPONENTS), y, np.empty((3, c.N_COMPONENTS)))
+    pressures(anchor, np.zeros(c.N_COMPONENTS), y, np.empty((3, c.N_PLACES)))
     return float(y[0]), float(y[1])

@@ -158,15 +158,15 @@ def temperatures(plan: Plan) -> Array:
 
 def _linearised(rows: Array, mean: Array, relative: Array) -> Iterator[tuple[Array, Array, float]]:
     """What each window shows of the healthy pump, (6,), its slopes, (6, N_COMPONENTS), and a worn pump's case pressure."""
-    full, slopes, y, worn = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), np.empty(N_MEASURED), mean.copy()
+    full, y, worn = np.empty(N_COMPONENTS), np.empty(N_MEASURED), mean.copy()
     worn[AMPLITUDE] = LARGEST_LEAKAGE_LPM
     nothing, leak = np.zeros((2, N_COMPONENTS)), np.zeros((2, N_COMPONENTS))
     leak[0, SLIPPER_EXTRA] = 1.0
     for row in rows:
         H = np.empty((N_MEASURED, N_SLOPES))
-        predicted(worn, leak, row, relative, full, slopes, y, H)
+        predicted(worn, leak, row, relative, full, y, H)
         highest = float(y[CASE])
-        predicted(mean, nothing, row, relative, full, slopes, y, H)
+        predicted(mean, nothing, row, relative, full, y, H)
         yield y.copy(), H[:, _PLACES], highest
 
 

@@ -212,7 +212,7 @@ class Fold:
             return {}
         # what a sensor that cannot be right has said raises no alarm, and ends the one that it raised
         self.case_pressure = None
-        read = CASE in found.measurements[-1].seen
+        read = CASE in found.measurements[-1].seen.tolist()
         if reference is not None and read and (doubted is None or State.DRAIN_RESTRICTION in doubted.states):
             measured, limit = found.measurements[-1].values[CASE], self.thresholds["case_pressure_limit_bar"]
             self.case_pressure = case_pressure(float(measured), reference, limit, has_baseline=self._missing() <= 0)

@@ -1,7 +1,7 @@
 """What a pump's history holds and what it lacks: blind spots, and the evidence that would decide."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from detectors.judgement.sight import WHOLE_SIGHT, Sight
 from detectors.words.observation import Observation, WindowKind
@@ -65,20 +65,26 @@ class Coverage:
 
     def grown(self, observation: Observation) -> "Coverage":
         """With one more record."""
-        accepted = [w for w in observation.reduction.windows if w.accepted]
-        flat = [w for w in accepted if w.kind is WindowKind.ZERO_FLOW and _TEMPERATURE in w.means]
-        seen = [w.means[_TEMPERATURE].mean for w in flat]
-        seen += [t for t in (self.coldest, self.warmest) if t is not None]
-        return replace(
-            self,
-            records=self.records + 1,
-            coldest=min(seen, default=None),
-            warmest=max(seen, default=None),
-            zeros=self.zeros + observation.reduction.zero.measured,
-            reservoirs=self.reservoirs + any("reservoir_pressure_bar" in w.means for w in flat[-1:]),
-            loaded=self.loaded + any(w.kind is WindowKind.CONSTANT_FLOW for w in accepted),
-            bursts=self.bursts + (observation.reduction.spectrum is not None),
-            steps=self.steps + (observation.reduction.droop is not None),
+        reduction, coldest, warmest = observation.reduction, self.coldest, self.warmest
+        loaded = reservoir = False
+        for window in reduction.windows:
+            if not window.accepted:
+                continue
+            loaded = loaded or window.kind is WindowKind.CONSTANT_FLOW
+            temperature = window.means.get(_TEMPERATURE) if window.kind is WindowKind.ZERO_FLOW else None
+            if temperature is not None:
+                coldest = temperature.mean if coldest is None else min(coldest, temperature.mean)
+                warmest = temperature.mean if warmest is None else max(warmest, temperature.mean)
+                reservoir = "reservoir_pressure_bar" in window.means
+        return Coverage(
+            self.records + 1,
+            coldest,
+            warmest,
+            self.zeros + reduction.zero.measured,
+            self.reservoirs + reservoir,
+            self.loaded + loaded,
+            self.bursts + (reduction.spectrum is not None),
+            self.steps + (reduction.droop is not None),
         )
 
 

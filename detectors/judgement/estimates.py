@@ -67,7 +67,8 @@ def estimates(bank: Bank, found: Evidence, reference: Array, limit_lpm: float) -
     if _DRAIN in smallest:
         smallest[_DRAIN] = 100.0 * smallest[_DRAIN]
     # a level is said by the shares that causes are said by
-    shares = shares_of(bank, found.weights, found.by_prior).mean(axis=0)
+    stated, alike = shares_of(bank, found.weights, found.by_prior)
+    shares = 0.5 * (stated + alike)
     *level, beyond = mean_case_flow(bank.filters, shares, DIRECTIONS, reference, _LEAST_SHARE, limit_lpm, WIDENING)
     values["case_flow_at_reference_lpm"] = Estimate(*level)
     return Found(values, smallest, beyond)

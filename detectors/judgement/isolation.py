@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import lru_cache
 
 import numpy as np
 
@@ -96,13 +97,10 @@ class Decision:
 
 def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
     """Sum the bank's filters by the state they stand for, and by the quantity they change."""
-    floors = _MEANING.floors.copy()
-    floors[_IS_SENSOR] = thresholds["sensor_shift_bar"]
-    meaning = _MEANING._replace(floors=floors)
+    smallest = None
     if not bank.pump.own_twin:
         smallest = _WORTH_A_WORD * bank.pump.sensors["discharge_pressure_bar"].repeatability_bar
-        floors[FAULT_KINDS.index(_MOVED)] = smallest
-        meaning = meaning._replace(setting_floor=smallest)
+    meaning = _meaning(thresholds["sensor_shift_bar"], smallest)
     # what regulation shows is independent of the means: it stands against the pump that is healthy by them
     odds = math.exp(min(bank.regulation.log_odds(), _MOST_LOG_ODDS))
     sums = Sums(
@@ -113,10 +111,10 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         moments=np.empty((len(QUANTITIES), N_MOMENTS)),
     )
     arrival = summed(bank.filters, bank.n, bank.records, meaning, sums)
-    for by_state in (sums.of_all, sums.changed):
-        by_state[:, _COMPENSATOR] += by_state[:, -1] * odds
-    whole, stated, neutral = sums.of_all.tolist()
-    changed, by_stated, by_neutral = sums.changed.tolist()
+    whole, stated, neutral = by_cause = sums.of_all.tolist()
+    changed, by_stated, by_neutral = by_change = sums.changed.tolist()
+    for row in (*by_cause, *by_change):
+        row[_COMPENSATOR] += row[-1] * odds
     shares, alike = _shares(by_stated[:-1]), _shares(by_neutral[:-1])
     weights = sums.weights[WHOLE]
     return Evidence(
@@ -133,6 +131,17 @@ def evidence(bank: Bank, thresholds: Mapping[str, float]) -> Evidence:
         together=sums.together,
         moments=sums.moments,
     )
+
+
+@lru_cache(maxsize=64)
+def _meaning(sensor_shift_bar: float, setting_bar: float | None) -> Meaning:
+    """What filters count for where sensors must move by so much to be worth a word, and the setting (None: as usual)."""
+    floors = _MEANING.floors.copy()
+    floors[_IS_SENSOR] = sensor_shift_bar
+    if setting_bar is None:
+        return _MEANING._replace(floors=floors)
+    floors[FAULT_KINDS.index(_MOVED)] = setting_bar
+    return _MEANING._replace(floors=floors, setting_floor=setting_bar)
 
 
 def _probabilities(whole: Sequence[float], stated: Sequence[float], neutral: Sequence[float]) -> dict[State, float]:

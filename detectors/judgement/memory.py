@@ -12,6 +12,9 @@ _LEAST_RECORDS = 3
 """Records on which a fault showed below which nothing is remembered (our choice: an alarm takes as many to be raised)."""
 
 
+_NO_ALARM = (None, None, 0, 0)
+
+
 @dataclass(frozen=True, slots=True)
 class Showing:
     """Whether a fault shows on a record, and on how many of how many records just before it showed as well."""
@@ -78,6 +81,12 @@ class Memory:
     def after(self, leader: State | None, at: datetime, showing: Showing = ON_THIS_RECORD) -> "Memory":
         """After a record with an alarm led by ``leader``, or with none; ``showing`` says on which records that shows."""
         asked = self.asked + (self.past is not None)
+        if (
+            leader is None
+            and asked == self.asked
+            and (self.suspect, self.since, self.shown, self.standing) == _NO_ALARM
+        ):
+            return self
         if leader is not None:
             began = self.suspect is not None
             shown = (self.shown if began else showing.before) + showing.now

@@ -12,14 +12,15 @@ from detectors.words.observation import Observation, Residual
 from detectors.words.verdict import Estimate, Quality
 from twin.parameters import PumpType
 
+_RESIDUALS = {"case_pressure_bar": "case_residual_bar", "discharge_pressure_bar": "discharge_residual_bar"}
+
 
 def measured_trend(observation: Observation, residuals: Mapping[str, Residual]) -> dict[str, Estimate]:
     """Residuals, temperature and reservoir pressure of a record with their 90 % intervals, by metric."""
     trend = {}
     for name, residual in residuals.items():
         half = Z_90 * residual.standard_deviation
-        metric = f"{name.removesuffix('_pressure_bar')}_residual_bar"
-        trend[metric] = Estimate(residual.residual, residual.residual - half, residual.residual + half)
+        trend[_RESIDUALS[name]] = Estimate(residual.residual, residual.residual - half, residual.residual + half)
     window = observation.reduction.zero_flow
     for name in ("fluid_temperature_degc", "reservoir_pressure_bar"):
         mean = window.means.get(name) if window is not None else None

@@ -110,8 +110,7 @@ class Reduction:
     @property
     def zero_flow(self) -> Window | None:
         """Last accepted zero-flow window: the one that a flight is judged by."""
-        accepted = [w for w in self.windows if w.accepted and w.kind is WindowKind.ZERO_FLOW]
-        return accepted[-1] if accepted else None
+        return next((w for w in reversed(self.windows) if w.accepted and w.kind is WindowKind.ZERO_FLOW), None)
 
 
 @dataclass(frozen=True, slots=True)

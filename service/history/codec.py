@@ -1,10 +1,10 @@
 """Reductions, residuals and verdicts as JSON and back."""
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
 from pydantic import TypeAdapter
+from pydantic_core import from_json
 
 from detectors.words.observation import Reduction, Residual
 from detectors.words.verdict import Estimate, Verdict
@@ -20,7 +20,7 @@ _TREND = TypeAdapter(dict[str, Estimate])
 
 def _dumped(adapter: TypeAdapter[Any], value: Any) -> Any:
     # through text, so that NaN becomes null on both databases
-    return json.loads(adapter.dump_json(value))
+    return from_json(adapter.dump_json(value))
 
 
 def reduction_to_json(reduction: Reduction) -> StoredReduction:

@@ -31,9 +31,7 @@ _OF_LIBRARIES = (
 )
 _UNITS = ("units", "unit", "Units", "Unit", "UNITS", "UNIT", "unit_string")
 _PACKED = ("_FillValue", "missing_value", "scale_factor", "add_offset")
-_SAY_SOMETHING = frozenset(
-    (*_UNITS, *_PACKED, "MATLAB_class", "MATLAB_object_decode", "MATLAB_empty", "DIMENSION_LIST")
-)
+_SAY_SOMETHING = frozenset((*_UNITS, *_PACKED, "MATLAB_class", "MATLAB_object_decode", "MATLAB_empty", "NAME"))
 _OURS = (*REQUIRED_CHANNELS, *OPTIONAL_CHANNELS)
 _TABLES_OF_MATLAB = ("timetable", "table", "timeseries", "datetime", "duration", "categorical", "string")
 
@@ -126,7 +124,7 @@ class _Reader:
         return self._dataset(item, path, depth)
 
     def _dataset(self, item: Any, path: str, depth: int) -> "Leaf | Tree":
-        said = {name: item.attrs[name] for name in item.attrs if name in _SAY_SOMETHING}
+        said = self._said(item)
         matlab = _word(said.get("MATLAB_class", b""))
         if matlab in _TABLES_OF_MATLAB or "MATLAB_object_decode" in said:
             return Leaf(None, what=opaque(matlab))
@@ -145,7 +143,7 @@ class _Reader:
             return self._enumeration(item, names)
         if item.dtype.kind in "fiub":
             self._add(item.size)
-            axis = self._axis(item) if "DIMENSION_LIST" in said else None
+            axis = self._axis(item) if self._has_scales(item) else None
             return leaf_of(_unpacked(np.asarray(item[()]), said), _unit(said), axis)
         if self._h5py.check_string_dtype(item.dtype) is not None:
             return leaf_of(item[()]) if self._is_short(item) else Leaf(None, what="text")
@@ -186,14 +184,37 @@ class _Reader:
         """A table of named columns (PyTables, pandas)."""
         if len(item.shape) != 1:
             return Leaf(None, what=matrix(item.shape))
-        self._add(item.size * len(item.dtype.names))
-        rows = item[()]
-        tree: Tree = {}
-        for name in item.dtype.names:
+        if not self._is_sound(item.id.get_type()):
+            return Leaf(None, what="a table of a damaged type")
+        readable = [name for name in item.dtype.names if not self._has_rows(item.dtype[name])]
+        self._add(item.size * len(readable))
+        rows = np.asarray(item.fields(readable)[()]) if readable else np.empty(0)
+        tree: Tree = {name: Leaf(None, what="rows of any length") for name in item.dtype.names}
+        for name in readable:
             tree[name] = leaf_of(rows[name]) if item.size > 1 else Leaf(None, what="a single row")
         for name, value in self._attributes(item).items():
             tree.setdefault(name, Leaf(value))
         return tree
+
+    def _is_sound(self, kind: Any) -> bool:
+        """Whether rows of any length within a type are of a kind that the library knows: it writes anywhere otherwise."""
+        h5t = self._h5py.h5t
+        if isinstance(kind, h5t.TypeCompoundID):
+            return all(self._is_sound(kind.get_member_type(i)) for i in range(kind.get_nmembers()))
+        if isinstance(kind, h5t.TypeArrayID):
+            return self._is_sound(kind.get_super())
+        if isinstance(kind, h5t.TypeVlenID):
+            made = h5t.vlen_create(kind.get_super())
+            return kind.encode() == made.encode() and self._is_sound(kind.get_super())
+        return True
+
+    def _has_rows(self, dtype: Any) -> bool:
+        """Whether entries of a type are rows of a length of their own each, which are no samples; texts are none."""
+        if dtype.subdtype is not None:
+            return self._has_rows(dtype.subdtype[0])
+        if dtype.names:
+            return any(self._has_rows(dtype[name]) for name in dtype.names)
+        return dtype.kind == "O" and self._h5py.check_string_dtype(dtype) is None
 
     def _enumeration(self, item: Any, names: dict[str, int]) -> Leaf:
         if item.size > MOST_TEXTS:
@@ -211,9 +232,10 @@ class _Reader:
         if scale.dtype.kind not in "fiu":
             return None
         self._add(scale.size)
-        called = (_word(scale.attrs.get("NAME", b"")), scale.name.rpartition("/")[2])
-        unit = _unit(scale.attrs) or ("s" if any(map(is_time_name, called)) else "")
-        return leaf_of(_unpacked(np.asarray(scale[()]), scale.attrs), unit)
+        said = self._said(scale)
+        called = (_word(said.get("NAME", b"")), scale.name.rpartition("/")[2])
+        unit = _unit(said) or ("s" if any(map(is_time_name, called)) else "")
+        return leaf_of(_unpacked(np.asarray(scale[()]), said), unit)
 
     def _member(self, group: Any, name: str) -> Any:
         """What a name leads to inside the file; following other links would read whatever the sender names here."""
@@ -241,10 +263,31 @@ class _Reader:
         for name in item.attrs:
             self._count(name)
             if not name.startswith(_OF_LIBRARIES):
-                value = plain(item.attrs[name])
+                value = plain(self._attribute(item, name))
                 if isinstance(value, (str, int, float)):
                     found[name] = value
         return found
+
+    def _attribute(self, item: Any, name: str) -> Any:
+        """Numbers and texts of an attribute, None for what is neither.
+
+        Rows of any length are not asked for: where their type is damaged, the library writes over memory that is not its own.
+        """
+        h5t = self._h5py.h5t
+        simple = (h5t.TypeIntegerID, h5t.TypeFloatID, h5t.TypeStringID, h5t.TypeEnumID)
+        return item.attrs[name] if isinstance(item.attrs.get_id(name).get_type(), simple) else None
+
+    def _said(self, item: Any) -> dict[str, Any]:
+        """Attributes that say how a dataset is to be read."""
+        found = ((name, self._attribute(item, name)) for name in item.attrs if name in _SAY_SOMETHING)
+        return {name: value for name, value in found if value is not None}
+
+    def _has_scales(self, item: Any) -> bool:
+        """Whether a dataset says along which scales it lies, in the one type that says so."""
+        h5t = self._h5py.h5t
+        return "DIMENSION_LIST" in item.attrs and bool(
+            item.attrs.get_id("DIMENSION_LIST").get_type().encode() == h5t.vlen_create(h5t.STD_REF_OBJ).encode()
+        )
 
     def _is_new(self, group: Any, path: str, depth: int) -> bool:
         """Whether this group has not been seen under another name, which a circle of links would repeat for ever."""

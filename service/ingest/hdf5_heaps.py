@@ -18,7 +18,7 @@ def longest_text(content: bytes, offset: int, n: int) -> int:
 
 
 def check_heaps(content: bytes) -> None:
-    """Refuse a heap whose free space has no size: the library would step on by nothing.
+    """Refuse a heap in which free space has no size: the library would step on by nothing.
 
     Raises
     ------
@@ -34,7 +34,6 @@ def check_heaps(content: bytes) -> None:
             index, _, _, held = _OBJECT.unpack_from(content, at)
             if index == 0 and held < _OBJECT.size:
                 raise Undecodable("the HDF5 file is damaged", [Fault("body", f"heap at byte {place} runs in a circle")])
-            if index == 0:
-                break
-            at += _OBJECT.size + (held + 7) // 8 * 8
+            # free space counts its own head, and the library looks behind it as well where it does not reach the end
+            at += held if index == 0 else _OBJECT.size + (held + 7) // 8 * 8
         place = content.find(_MARK, place + len(_MARK))

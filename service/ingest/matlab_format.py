@@ -73,15 +73,24 @@ def _check_inflation(content: bytes, limits: Limits) -> None:
 
 
 def _inflated_size(content: bytes, start: int, end: int, most: int) -> int:
-    """Bytes that a stream inflates to, or a little more than ``most``; fed by the chunk, so that no tail is copied twice."""
-    stream, total = zlib.decompressobj(), 0
+    """Bytes that a stream inflates to, or a little more than ``most``; fed by the chunk, so that no tail is copied twice.
+
+    A stream without its end, or one shorter than the variable in it says, ends SciPy's reader and the process with it.
+    """
+    stream, total, tag = zlib.decompressobj(), 0, b""
     for place in range(start, end, _CHUNK):
         data = content[place : min(place + _CHUNK, end)]
         while data and not stream.eof:
-            total += len(stream.decompress(data, _CHUNK))
+            part = stream.decompress(data, _CHUNK)
+            total, tag = total + len(part), (tag + part[:8])[:8]
             data = stream.unconsumed_tail
             if total > most:
                 return total
+    held = int.from_bytes(tag[4:8], "big" if content[126:128] == b"MI" else "little") + 8
+    if not stream.eof or total < max(held, 8):
+        raise Undecodable(
+            "the MATLAB file is damaged", [Fault("body", f"the variable at byte {start - 8} is cut short")]
+        )
     return total
 
 

@@ -26,6 +26,19 @@ _CHAINS: dict[bytes, tuple[tuple[int, ...], tuple[int, ...]]] = {
     b"##LD": ((0,), ()),
     b"##HL": ((), (0,)),
 }
+# where each of these links may lead: a reader takes what it finds there for such a block, whatever it is
+_KINDS: dict[tuple[bytes, int], bytes] = {
+    (b"##HD", 0): b"##DG",
+    (b"##HD", 1): b"##FH",
+    (b"##DG", 0): b"##DG",
+    (b"##DG", 1): b"##CG",
+    (b"##CG", 0): b"##CG",
+    (b"##CG", 1): b"##CN",
+    (b"##CN", 0): b"##CN",
+    (b"##FH", 0): b"##FH",
+    (b"##DL", 0): b"##DL",
+    (b"##LD", 0): b"##LD",
+}
 
 
 def check_links(content: bytes) -> None:
@@ -34,7 +47,7 @@ def check_links(content: bytes) -> None:
     Raises
     ------
     Undecodable
-        for a circle, or a block that two chains share.
+        for a circle, a block that two chains share, or one of another kind than the chain that leads to it.
     TooLarge
         for more blocks than any recorder writes.
     """
@@ -56,6 +69,7 @@ def check_links(content: bytes) -> None:
         seen.add(place)
         if len(seen) > _MOST_BLOCKS:
             raise TooLarge(f"the MDF4 file holds more than {_MOST_BLOCKS} blocks: leave out channels")
+        _check_kinds(content, kind, links)
         onward, inner = _CHAINS[kind]
         waiting += [
             links[i] for i in (*onward, *inner) if i < len(links) and not _is_told_apart(content, kind, i, links)
@@ -63,6 +77,14 @@ def check_links(content: bytes) -> None:
         if kind == b"##CN" and len(links) > 4:
             conversions.add(links[4])
     _check_conversions(content, conversions)
+
+
+def _check_kinds(content: bytes, kind: bytes, links: tuple[int, ...]) -> None:
+    for number, link in enumerate(links[:2]):
+        wanted = _KINDS.get((kind, number))
+        if link and wanted and content[link : link + 4] != wanted:
+            fault = Fault(f"block at {link}", f"is no {wanted.decode()} block")
+            raise Undecodable("the MDF4 file is cut short or damaged: copy it again from the recorder", [fault])
 
 
 def _is_told_apart(content: bytes, kind: bytes, number: int, links: tuple[int, ...]) -> bool:

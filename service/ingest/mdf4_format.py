@@ -25,7 +25,13 @@ _ALL_INVALID, _MAY_BE_INVALID = 1, 2
 _BUS = 2 | 4
 _ALGEBRAIC = 3
 _TIME = 1
+_VIRTUAL = (3, 6)
+"""Types of channels that have no bytes in a record: a count of records serves."""
+_ANY_LENGTH = 1
 _STRINGS = range(6, 10)
+_OUTSIDE = "outside the records of its group: the file is damaged"
+_ASTRAY = "made of samples that are not there: the file is damaged"
+_FARTHEST = 1 << 40
 _OPERANDS = ("X", "X1", "x")
 """What the formula of a conversion calls the sample."""
 
@@ -90,6 +96,8 @@ class _Reader:
         parts: dict[int, list[Any]] = {place: [] for place in wanted}
         times: list[Any] = []
         for fragment in self._file._load_data(group):
+            for place in [p for p, channel in wanted.items() if _leads_astray(group.channel_group, channel, fragment)]:
+                self._leave_out(wanted.pop(place).name, _ASTRAY)
             for place, channel in wanted.items():
                 parts[place].append(self._samples(index, place, channel, fragment))
             if self._has_clock(group, master):
@@ -119,13 +127,18 @@ class _Reader:
         return start if isinstance(start, datetime) else None
 
     def _has_clock(self, group: Any, master: int | None) -> bool:
+        if master is not None and _lies_outside(group.channel_group, group.channels[master]):
+            self._faults.append(Fault(f"channels.{group.channels[master].name}", f"is {_OUTSIDE}"))
+            return False
         remote = bool(group.channel_group.flags & 8)
         return remote or (master is not None and group.channels[master].sync_type == _TIME)
 
     def _can_be_read(self, group: Any, place: int) -> bool:
         """Whether a channel is a row of values; what is none is named, or a fault where a record needs it."""
         channel, depends = group.channels[place], group.channel_dependencies[place]
-        if depends:
+        if _lies_outside(group.channel_group, channel):
+            self._leave_out(channel.name, _OUTSIDE)
+        elif depends:
             self._leave_out(channel.name, "an array" if not isinstance(depends[0], tuple) else "a structure")
         elif _has_formula(channel.conversion) and _arithmetic(channel.conversion) is None:
             self._leave_out(channel.name, "converted by a formula that is more than arithmetic: save it converted")
@@ -191,6 +204,33 @@ class _Reader:
         else:
             what = "complex numbers" if values.dtype.kind == "c" else "text" if values.dtype.kind == "O" else "bytes"
             self._leave_out(name, what)
+
+
+def _lies_outside(group: Any, channel: Any) -> bool:
+    """Whether a channel, or the bit that says it is invalid, lies beyond its group's records.
+
+    The library would take the bytes that stand in memory after them: what others sent before, or none of ours.
+    """
+    if channel.channel_type in _VIRTUAL:
+        return False
+    bits = max(64, channel.bit_count) if channel.channel_type == _ANY_LENGTH else channel.bit_count
+    end = channel.byte_offset + (channel.bit_offset + bits + 7) // 8
+    unmarked = channel.flags & _MAY_BE_INVALID and channel.pos_invalidation_bit >= 8 * group.invalidation_bytes_nr
+    return bool(end > group.samples_byte_nr or unmarked)
+
+
+def _leads_astray(group: Any, channel: Any, fragment: Any) -> bool:
+    """Whether places of samples of any length run backwards or beyond any file, where the library reads without looking."""
+    if channel.channel_type != _ANY_LENGTH:
+        return False
+    if not fragment.is_record:
+        return True
+    width = group.samples_byte_nr + group.invalidation_bytes_nr
+    n = len(fragment.data) // width
+    records = np.frombuffer(fragment.data, np.uint8, n * width).reshape(n, width)
+    first = channel.byte_offset
+    places = np.ascontiguousarray(records[:, first : first + 8]).view("<u8").reshape(-1)
+    return bool(places.max(initial=0) > _FARTHEST or (places[1:] < places[:-1]).any())
 
 
 def _converted(conversion: Any, raw: Any) -> Any:

@@ -172,7 +172,8 @@ class ParserPool:
             except _DiedError as error:
                 if error.by_memory:
                     raise self._too_much_memory(words) from None
-                fault = Fault("body", f"ended the process that read it ({error})")
+                why = f"is damaged, or needs more than {self._limits.memory_bytes} bytes of memory"
+                fault = Fault("body", why if error.by_itself else f"ended the process that read it ({error})")
                 raise Undecodable("the file cannot be read: its reader crashed on it", [fault]) from None
         finally:
             self._places.put(worker)
@@ -194,8 +195,8 @@ class _DiedError(Exception):
 
     def __init__(self, code: int | None) -> None:
         super().__init__(f"exit code {code}")
-        # a reader in C that finds no memory aborts, and the kernel kills who takes it all
-        self.by_memory = code in (-6, -9)
+        # the kernel kills who takes all memory; a reader in C that finds none aborts, and so does one that finds its own damaged
+        self.by_memory, self.by_itself = code == -9, code == -6
 
 
 class _Worker:

@@ -58,7 +58,7 @@ class Engine:
         self.running: set[str] = set()
         self.awake = False
         self.n_workers = 1
-        self.renewal = Renewal(context.database, context.archive)
+        self.renewal = Renewal(context.database, context.archive, context.acceptance.settling.in_hand)
         self.waiting_until: dict[str, tuple[float, float]] = {}
 
     @contextmanager

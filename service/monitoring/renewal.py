@@ -5,6 +5,7 @@ Pump by pump, in chunks, while the service works.
 
 import random
 import time
+from collections.abc import Callable, Collection
 from threading import Event
 
 import structlog
@@ -45,9 +46,15 @@ def due_pumps(session: Session, *, own_release: bool) -> list[int]:
 
 
 class Renewal:
-    """The renewal of a fleet; a pump that cannot be made now is tried again, later and later, every five minutes at last."""
+    """The renewal of a fleet; a pump that cannot be made now is tried again, later and later, every five minutes at last.
 
-    def __init__(self, database: Database, archive: Archive) -> None:
+    Those that this process makes already (``in_hand``) are left to it.
+    """
+
+    def __init__(
+        self, database: Database, archive: Archive, in_hand: Callable[[], Collection[int]] = frozenset
+    ) -> None:
+        self._in_hand = in_hand
         self._database = database
         self._archive = archive
         self._put_off: dict[int, tuple[float, float]] = {}
@@ -57,8 +64,8 @@ class Renewal:
         """Pumps that are due, those of another build of this very release too until they have been seen once."""
         with self._database.reading() as session:
             marked = due_pumps(session, own_release=not self._started)
-        now = time.monotonic()
-        due = [i for i in marked if self._put_off.get(i, (0.0, 0.0))[0] <= now]
+        now, in_hand = time.monotonic(), self._in_hand()
+        due = [i for i in marked if self._put_off.get(i, (0.0, 0.0))[0] <= now and i not in in_hand]
         self._started = self._started or not due
         return due
 

@@ -7,7 +7,7 @@ a crash the mark is what the next start, or another replica, goes on from.
 
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import structlog
 
@@ -30,6 +30,8 @@ class _Left:
     cause: Cause
     touched_at: float
     touches: int = 0
+    making: threading.Lock = field(default_factory=threading.Lock)
+    """Who holds it makes them; others wait, or leave them to whoever does."""
 
 
 class Settling:
@@ -47,12 +49,17 @@ class Settling:
         """Whether there is any."""
         return bool(self._left)
 
+    def in_hand(self) -> frozenset[int]:
+        """The pumps that have such verdicts."""
+        return frozenset(self._left)
+
     def leave(self, pump_id: int, operator: str, cause: Cause) -> None:
         """Note that verdicts of an operator's pump are to be made."""
         with self._changed:
             held = self._left.get(pump_id)
-            touches = held.touches + 1 if held else 0
-            self._left[pump_id] = _Left(operator, cause, time.monotonic(), touches)
+            self._left[pump_id] = left = _Left(operator, cause, time.monotonic())
+            if held is not None:
+                left.touches, left.making = held.touches + 1, held.making
             if self._thread is None and not self._closed:
                 self._thread = threading.Thread(target=self._run, name="settling", daemon=True)
                 self._thread.start()
@@ -74,13 +81,15 @@ class Settling:
         for pump_id, held in list(self._left.items()):
             if operator not in (None, held.operator):
                 continue
-            self.touch(pump_id)  # whoever makes it in the background stops
-            before = held.touches
-            try:
-                apart(self._database, self._archive, pump_id, held.cause)
-            except Problem as problem:
-                log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
-            self._done(pump_id, held, before)
+            with held.making:  # made once, also where many ask, and where the thread is at it
+                if self._left.get(pump_id) is not held:
+                    continue
+                before = held.touches
+                try:
+                    apart(self._database, self._archive, pump_id, held.cause)
+                except Problem as problem:
+                    log.warning("verdicts left as they were", pump_id=pump_id, problem=problem.detail)
+                self._done(pump_id, held, before)
 
     def close(self) -> None:
         """End the thread; what is left, the next start makes."""
@@ -101,7 +110,13 @@ class Settling:
                     self._changed.wait(QUIET_S if self._left else None)
                     continue
             for pump_id, held in quiet:
-                self._make(pump_id, held)
+                if held.making.acquire(blocking=False):
+                    try:
+                        self._make(pump_id, held)
+                    finally:
+                        held.making.release()
+                else:
+                    held.touched_at = time.monotonic()
 
     def _make(self, pump_id: int, held: _Left) -> None:
         before = held.touches

@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session, sessionmaker
 
 import service
 from service.errors import Invalid
+from service.storage import json_text
 from service.storage.audit_chain import chain_noted
 from service.storage.audit_key import AuditKey
 from service.storage.failures import UNSTORABLE
@@ -24,6 +25,7 @@ from service.storage.failures import UNSTORABLE
 _CONNECT_TIMEOUT_S = 5
 _POOL_TIMEOUT_S = 10
 """Longest wait for a connection of the pool; then the request is told to come back."""
+_JSON: dict[str, Any] = {"json_serializer": json_text.written, "json_deserializer": json_text.read}
 _MIGRATION_LOCK = 7_263_901_455
 """Number of the advisory lock that whoever migrates holds (our choice)."""
 _AFTERWARDS = "afterwards"
@@ -135,7 +137,7 @@ def _engine(url: str) -> Engine:
     if parsed.get_backend_name() == "sqlite":
         if parsed.database and parsed.database != ":memory:":
             Path(parsed.database).parent.mkdir(parents=True, exist_ok=True)
-        engine = create_engine(parsed, connect_args={"timeout": 30, "check_same_thread": False})
+        engine = create_engine(parsed, connect_args={"timeout": 30, "check_same_thread": False}, **_JSON)
         event.listen(engine, "connect", _on_sqlite_connect)
         event.listen(engine, "begin", _on_sqlite_begin)
         event.listen(engine, "handle_error", _on_unstorable)
@@ -154,7 +156,7 @@ def _engine(url: str) -> Engine:
         "options": f"-c statement_timeout=60000 -c lock_timeout={_LOCK_TIMEOUT_MS} -c timezone=UTC",
     }
     pool = {"pool_pre_ping": True, "pool_size": 10, "max_overflow": 10, "pool_timeout": _POOL_TIMEOUT_S}
-    engine = create_engine(parsed, connect_args=options, **pool)
+    engine = create_engine(parsed, connect_args=options, **pool, **_JSON)
     event.listen(engine, "handle_error", _on_unstorable)
     return engine
 

@@ -10,6 +10,7 @@ from detectors.bank.bank import Bank
 from detectors.bank.hypotheses import (
     FAULT_KINDS,
     GONE,
+    N_KINDS,
     OTHER,
     directions,
     laws,
@@ -20,7 +21,7 @@ from detectors.bank.hypotheses import (
 )
 from detectors.bank.kernel import GROWS_ON, STUDENT_DEGREES, _cholesky, _whitened, advance, begun, remembered, step
 from detectors.bank.prediction import N_MEASURED, predicted
-from detectors.bank.shapes import ALIKE, ARRIVAL, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Walks
+from detectors.bank.shapes import ALIKE, ARRIVAL, N_SHAPES, ON_OFF, OPEN, RAMP, STATED, STEP, Filters, Walks
 from detectors.bank.tables import DIRECTIONS
 from detectors.bank.window import Measurement
 from detectors.expectation import components as c
@@ -175,7 +176,7 @@ def test_time_passes_as_in_the_textbook() -> None:
     covariance[1, RATE, :] = covariance[1, :, RATE] = 0.0  # the second does not grow
     mean[1, RATE] = 0.0
     walk = rng.uniform(0.0, 1.0, N_STATE)
-    own = rng.uniform(0.0, 1.0, (3, 2))
+    own = rng.uniform(0.0, 1.0, (3, N_KINDS + 1))
     into = np.eye(N_STATE)
     into[AMPLITUDE, RATE] = 1.0
     into[RATE, RATE] = GROWS_ON
@@ -186,7 +187,10 @@ def test_time_passes_as_in_the_textbook() -> None:
             noise[f, place, place] += variance
     expected = into @ covariance @ into.T + noise
     filters = beside(mean, covariance, 0, STEP)
-    advance(filters, 2, Walks(walk, own[0], own[1], own[2]))
+    filters.kind[:] = 0, 1
+    by_shape = np.zeros((2, N_SHAPES, N_KINDS + 1))
+    by_shape[:, STEP] = own[:2]
+    advance(filters, 2, Walks(walk, by_shape[0], by_shape[1], own[2]))
     assert mean == pytest.approx(expected_mean)
     assert covariance == pytest.approx(expected)
 
@@ -207,8 +211,8 @@ def test_factor_and_density_are_those_of_a_normal_distribution() -> None:
 def measured(mean: np.ndarray, off: np.ndarray, sd: np.ndarray) -> Measurement:
     """Both pressures and the zero, away from what the state says they are."""
     y, H = np.empty(N_MEASURED), np.empty((N_MEASURED, N_STATE + N_COMPONENTS - c.N_LIVING))
-    full, slopes = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS))
-    predicted(mean, DIRECTIONS[-1], ROW, np.zeros((2, N_COMPONENTS)), full, slopes, y, H, N_MEASURED)
+    full = np.empty(N_COMPONENTS)
+    predicted(mean, DIRECTIONS[-1], ROW, np.zeros((2, N_COMPONENTS)), full, y, H, N_MEASURED)
     values = y.copy()
     values[:3] += off
     noise = np.diag(np.concatenate((sd, np.ones(3))) ** 2)
@@ -225,9 +229,7 @@ def test_one_update_is_kalman_s_with_student_s_weight(sigmas: float) -> None:
     mean, P = bank.filters.mean[:1].copy(), bank.filters.covariance[:1].copy()
     m = measured(mean[0], np.array([0.4, 0.02, 0.01]) * sigmas, np.array([0.35, 0.02, 0.01]))
     y, H = np.empty(N_MEASURED), np.empty((N_MEASURED, N_STATE + N_COMPONENTS - c.N_LIVING))
-    predicted(
-        mean[0], DIRECTIONS[-1], ROW, m.ripple, np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS)), y, H, N_MEASURED
-    )
+    predicted(mean[0], DIRECTIONS[-1], ROW, m.ripple, np.empty(N_COMPONENTS), y, H, N_MEASURED)
     H = H[:3, :N_SLOW]
     before_mean, before = mean[0, :N_SLOW].copy(), P[0, :N_SLOW, :N_SLOW].copy()
     innovation, R = (m.values - y)[:3], m.noise[:3, :3]
@@ -259,11 +261,11 @@ def test_slopes_of_what_sensors_show_are_differences(kind: str) -> None:
     state[[AMPLITUDE, LAW, SETTING, PLACE["case_offset"], PLACE["reservoir"]]] = 0.4, 0.3, 1.0, 0.05, -0.1
     direction = DIRECTIONS[[k.name for k in FAULT_KINDS].index(kind)]
     ripple = np.random.default_rng(2).normal(0.0, 0.2, (2, N_COMPONENTS))
-    full, slopes = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS))
+    full = np.empty(N_COMPONENTS)
 
     def shown(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         y, H = np.empty(N_MEASURED), np.empty((N_MEASURED, N_STATE + N_COMPONENTS - c.N_LIVING))
-        predicted(at, direction, ROW, ripple, full, slopes, y, H, N_MEASURED)
+        predicted(at, direction, ROW, ripple, full, y, H, N_MEASURED)
         return y, H
 
     _, H = shown(state)
@@ -289,9 +291,9 @@ def shown_with(filters: Filters, off: np.ndarray) -> Measurement:
     sd = np.array([0.35, 0.02, 0.01])
     reading = measured(filters.mean[0], np.zeros(3), sd)
     y, H = np.empty(N_MEASURED), np.empty((N_MEASURED, N_STATE + N_COMPONENTS - c.N_LIVING))
-    full, slopes = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS))
+    full = np.empty(N_COMPONENTS)
     direction = DIRECTIONS[filters.kind[0]]
-    predicted(filters.mean[0], direction, ROW, reading.ripple, full, slopes, y, H, N_MEASURED)
+    predicted(filters.mean[0], direction, ROW, reading.ripple, full, y, H, N_MEASURED)
     values = reading.values.copy()
     values[:3] = y[:3] + off
     return Measurement(values, reading.noise, reading.seen, ROW, reading.ripple, True)

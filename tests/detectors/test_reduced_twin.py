@@ -84,7 +84,7 @@ def test_pressures_of_every_fault_are_those_of_the_operating_point(
     points = operating_points(
         PUMP.pump, input_rows(asked, [health_of(f, a) for f, a in zip(states, rows, strict=True)]), circuit
     )
-    y, slopes = np.empty((N, 2)), np.empty((3, c.N_COMPONENTS))
+    y, slopes = np.empty((N, 2)), np.empty((3, c.N_PLACES))
     for i, full in enumerate(states):
         pressures(rows[i], full, y[i], slopes)
     case = points.value("case_pressure_bar")
@@ -102,7 +102,7 @@ def test_a_leak_of_any_size_lifts_the_case_as_in_the_operating_point(circuit_nam
     """
     circuit, asked = circuit_parameters(circuit_name), Condition(4600.0, celsius, 0.5)
     (row,), _ = anchors([asked], PUMP, circuit)
-    y, slopes, cases = np.empty(2), np.empty((3, c.N_COMPONENTS)), []
+    y, slopes, cases = np.empty(2), np.empty((3, c.N_PLACES)), []
     sizes = (0.0, 0.25, 0.5, 1.0, 2.0)
     states = []
     for size in sizes:
@@ -145,8 +145,8 @@ def test_slopes_are_those_of_differences() -> None:
         full = own_state(rng)
         full[c.BLEED], full[c.THROTTLED], full[c.SYSTEM_LAMINAR], full[c.LAMINAR_EXTRA] = 0.05, 0.1, 0.2, 0.2
         full[c.LN_VISCOSITY] = 0.03
-        y, slopes = np.empty(2), np.empty((3, c.N_COMPONENTS))
-        above, below, unused = np.empty(2), np.empty(2), np.empty((3, c.N_COMPONENTS))
+        y, slopes = np.empty(2), np.empty((3, c.N_PLACES))
+        above, below, unused = np.empty(2), np.empty(2), np.empty((3, c.N_PLACES))
         pressures(row, full, y, slopes)
         for i in range(c.N_COMPONENTS):
             moved = full.copy()
@@ -155,4 +155,4 @@ def test_slopes_are_those_of_differences() -> None:
             moved[i] -= 2e-5
             less = pressures(row, moved, below, unused)
             differences = np.array([*(above - below), more - less]) / 2e-5
-            assert slopes[:, i] == pytest.approx(differences, abs=3e-4, rel=1e-3), c.COMPONENTS[i]
+            assert slopes[:, c.PLACES[i]] == pytest.approx(differences, abs=3e-4, rel=1e-3), c.COMPONENTS[i]

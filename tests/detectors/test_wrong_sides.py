@@ -17,7 +17,7 @@ from detectors.bank.shapes import (
     Filters,
 )
 from detectors.bank.summary import TEMPER, _size_evidence, _weigh
-from detectors.bank.tables import AMPLITUDE_VARIANCE, DIRECTIONS, KINDS, empty_filters
+from detectors.bank.tables import DIRECTIONS, KINDS, WALKS, empty_filters
 from detectors.evaluation.reality import REALITIES
 from detectors.evaluation.rows import ROWS, Row
 from detectors.evaluation.strange import STRANGE_ROWS
@@ -39,12 +39,12 @@ BY_NAME = {row.name: row for row in (*ROWS, *STRANGE_ROWS)}
 def case_by_size(kind: int) -> float:
     """What one sigma of a kind does to the case pressure of the nominal pump at 60 degC [bar]."""
     anchor = anchors([Condition(PUMP.nominal_speed_rpm, 60.0, 0.5)], PUMP, CIRCUIT)[0][0]
-    full, slopes = np.empty(N_COMPONENTS), np.empty((3, N_COMPONENTS))
+    full = np.empty(N_COMPONENTS)
     state = np.zeros(N_STATE)
     state[LAW] = KINDS.laws[kind, 0]
     y, H = np.zeros(N_MEASURED), np.empty((N_MEASURED, N_SLOPES))
     ripple, direction = np.zeros((2, N_COMPONENTS)), DIRECTIONS[kind]
-    predicted(state, direction, anchor, ripple, full, slopes, y, H)
+    predicted(state, direction, anchor, ripple, full, y, H)
     return float(H[CASE, AMPLITUDE]) * float(KINDS.scales[kind])
 
 
@@ -53,7 +53,7 @@ def test_rivals_move_the_case_alike(name: str) -> None:
     """Within a third: who may wander less in what the sensor sees follows a slow change with less noise, record for record."""
     rival = NAMES.index(name)
     assert case_by_size(rival) == pytest.approx(case_by_size(LEAK), rel=0.3)
-    wander = np.sqrt(AMPLITUDE_VARIANCE[STEP])
+    wander = np.sqrt(WALKS.amplitude[STEP])
     assert wander[rival] / KINDS.scales[rival] == pytest.approx(wander[LEAK] / KINDS.scales[LEAK])
 
 

@@ -2,7 +2,8 @@
 
 import json
 import threading
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import timedelta
 from typing import Any
@@ -14,7 +15,8 @@ from sqlalchemy import select
 from detectors.words.observation import Observation
 from service.monitoring import counting
 from service.monitoring.folded import MOST_AT_ONCE, Folded
-from service.monitoring.refold import refold
+from service.monitoring.refold import apart, attempted, refold
+from service.monitoring.renewal import Renewal
 from service.storage.database import Database
 from service.storage.tables import Pump, StoredAssessment
 from tests.detectors.fleet import FAULTS, history
@@ -67,12 +69,42 @@ def test_what_follows_a_late_record_is_made_before_it_is_read(
         assert session.scalars(select(Pump.made_with)).one() is None  # what another start would go on from
     settling.settle("another operator")
     assert settling.is_due
+    assert Renewal(context.database, context.archive).due() == [*settling.in_hand()]  # what another process would take
+    assert Renewal(context.database, context.archive, settling.in_hand).due() == []
     verdict = client.get(f"/api/v1/pumps/{SERIAL}/verdict").json()
     assert not settling.is_due
     assert verdict["quality"]["records_used"] >= N
     found = stored(client)
     assert len(found) == N + 2
     assert found == stored(client, from_scratch=True)
+
+
+def test_many_who_read_and_the_background_make_it_once_together(
+    client: TestClient, flights: Sequence[Observation], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each of them folding the same history for itself made all of them wait as many times as long."""
+    context = client.app.state.context  # type: ignore[attr-defined]
+    store(context, flights, SERIAL, OPERATOR)
+    settling = context.acceptance.settling
+    made: list[str] = []
+
+    def counted(name: str, really: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **options: Any) -> Any:
+            made.append(name)
+            time.sleep(0.3)  # longer than the background waits
+            return really(*args, **options)
+
+        return call
+
+    monkeypatch.setattr("service.monitoring.settling.apart", counted("reader", apart))
+    monkeypatch.setattr("service.monitoring.settling.attempted", counted("background", attempted))
+    content = body(flights[2].at + timedelta(minutes=90), "late", flights[2])
+    assert client.post("/api/v1/records", content=content, headers=JSON).status_code == 201
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: settling.settle(), range(4)))
+    assert len(made) == 1
+    assert not settling.is_due
+    assert stored(client) == stored(client, from_scratch=True)
 
 
 def test_a_fold_is_made_again_where_the_pump_has_changed_meanwhile(

@@ -16,7 +16,7 @@ LIMITS = Limits(10_000_000, 1_000_000)
 _REAL, _MASTER, _TIME = 4, 2, 1
 
 
-class _File:
+class File:
     """Blocks one after another; a link is the place of a block that was added before."""
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class _File:
 
 def unsorted(groups: list[dict[str, np.ndarray]], cut: int = 0) -> bytes:
     """Groups of channels, ``time_s`` their masters, with the records of all in the order of their times."""
-    file = _File()
+    file = File()
     header = file.block(
         b"##HD", [0] * 6, struct.pack("<QhhBBBBdd", int(START.timestamp() * 1e9), 0, 0, 0, 0, 0, 0, 0.0, 0.0)
     )
@@ -104,7 +104,7 @@ def test_a_cut_one_keeps_what_is_whole_or_says_why_not(cut: int) -> None:
     assert any("cut" in flag for flag in recording.flags)
 
 
-def _channel(file: _File, after: int, name: str, place: int, *kinds: int, data: int = 0, conversion: int = 0) -> int:
+def channel(file: File, after: int, name: str, place: int, *kinds: int, data: int = 0, conversion: int = 0) -> int:
     """A channel of 64 bits at its place; ``kinds`` are its own, that of its clock, of its type and its flags."""
     kind, clock, of_what, flags = kinds
     bit = place if flags else 0
@@ -114,7 +114,7 @@ def _channel(file: _File, after: int, name: str, place: int, *kinds: int, data: 
 
 def test_words_among_the_records_conversions_and_invalid_samples() -> None:
     """Texts of any length lie in a group of their own that a channel leads to; their chain is no circle."""
-    file, whole = _File(), {name: np.array(samples) for name, samples in document()["channels"].items()}
+    file, whole = File(), {name: np.array(samples) for name, samples in document()["channels"].items()}
     start = int(START.timestamp() * 1e9)
     header = file.block(b"##HD", [0] * 6, struct.pack("<QhhBBBBdd", start, 0, 0, 0, 0, 0, 0, 0.0, 0.0))
     file.link(header, 1, file.block(b"##FH", [0, 0], struct.pack("<QhhB3x", start, 0, 0, 0)))
@@ -122,15 +122,15 @@ def test_words_among_the_records_conversions_and_invalid_samples() -> None:
     own = file.block(
         b"##CG", [0] * 6, struct.pack("<QQHHIII", 3, len(spoken), 1, 0, 0, sum(4 + len(w) for w in spoken), 0)
     )
-    text = _channel(file, 0, "mode", 1, 1, 0, 7, 0, data=own)
-    clock = _channel(file, text, "time_s", 0, _MASTER, _TIME, _REAL, 0)
+    text = channel(file, 0, "mode", 1, 1, 0, 7, 0, data=own)
+    clock = channel(file, text, "time_s", 0, _MASTER, _TIME, _REAL, 0)
     slow = file.block(b"##CG", [own, clock, 0, 0, 0, 0], struct.pack("<QQHHIII", 2, len(spoken), 0, 0, 0, 16, 0))
     halved = file.block(b"##CC", [0] * 4, struct.pack("<BBHHHdd2d", 1, 0, 0, 0, 2, 0.0, 0.0, -0.25, 0.5))
     after, names = 0, list(whole)
     for place, name in reversed(list(enumerate(names))):
         is_time, is_case = name == "time_s", name == "case_pressure_bar"
         kinds = (_MASTER, _TIME, _REAL, 0) if is_time else (0, 0, _REAL, 2 if is_case else 0)
-        after = _channel(file, after, name, place, *kinds, conversion=halved if is_case else 0)
+        after = channel(file, after, name, place, *kinds, conversion=halved if is_case else 0)
     n, case = len(whole["time_s"]), names.index("case_pressure_bar")
     fast = file.block(b"##CG", [slow, after, 0, 0, 0, 0], struct.pack("<QQHHIII", 1, n, 0, 0, 0, 8 * len(names), 1))
     counted = {**whole, "case_pressure_bar": (whole["case_pressure_bar"] + 0.25) / 0.5}

@@ -14,6 +14,7 @@ from service.command_line.main import app
 from service.studies.validation.report import Count, counts_of, news, report_html, rows_json
 from twin.validation import catalogue
 from twin.validation.evidence import FITTED, INDEPENDENT, Curve, Evidence, Plot, Row
+from twin.validation.inferred_points import inferred_points
 
 X = np.linspace(0.0, 1.0, 30)
 EVIDENCE = {
@@ -162,5 +163,10 @@ def test_the_evidence_says_what_the_twin_misses() -> None:
     assert rows["zero flow: case pressure, 0.8 to 1"].within is False
     assert rows["full flow: shaft torque"].within is False
     assert rows["static point 2: case flow"].within is True
+    # one measurement, one reading: the point of chapter 3, with the tank where it stood
+    measured = inferred_points()[0.0][1]
+    for words, name in (("delivery", "discharge_flow_lpm"), ("case pressure", "case_pressure_bar")):
+        assert rows[f"static point 2: {words}"].reference == measured.value(name)
+    assert rows["static point 2: case pressure"].within is True
     assert all(row.note for row in rows.values() if row.within is False)
     assert all(row.known_miss for row in rows.values() if row.within is False)

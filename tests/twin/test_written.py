@@ -6,6 +6,7 @@ import tomllib
 import pytest
 
 from twin.condition import Condition
+from twin.laws.metering_edge import ATTAR, SMOOTH
 from twin.operating_point import operating_point
 from twin.pumps import PUMP_TYPES, circuit_parameters, pump_type
 from twin.pumps.fluids import fluid_named, with_fluid
@@ -43,6 +44,37 @@ def test_a_derived_set_changes_what_it_says_in_any_unit_of_the_kind_and_nothing_
     flows = [operating_point(k.pump, condition, circuit).value("slipper_leakage_lpm")[0] for k in (kind, base)]
     # laminar gap flow grows with the cube of the gap; the throttle in series takes its part
     assert (8.0 / 8.74348) ** 3 < flows[0] / flows[1] < 0.9
+
+
+def choosing(path: str, value: object) -> dict[str, object]:
+    change = {"value": value, "unit": "-", "source": "a study of laws"}
+    return {"id": "h225-law", "base": "h225", "changes": {path: change}}
+
+
+@pytest.mark.parametrize(
+    ("path", "name", "code"),
+    [
+        ("compensator.edge_law", "attar", ATTAR),
+        ("compensator.edge_law", "smooth", SMOOTH),
+        ("slipper.variable", "variable", 1),
+        ("servo.rate_fed", "fed", 1),
+        ("servo.contact", "contact", 1),
+    ],
+)
+def test_a_law_is_chosen_by_its_name_as_by_its_code(path: str, name: str, code: int) -> None:
+    by_name, by_code = (pump_type_from(choosing(path, value)) for value in (name, code))
+    part, _, field = path.partition(".")
+    assert getattr(getattr(by_name.pump, part), field) == code
+    assert numbers_hash(by_name) == numbers_hash(by_code)
+
+
+@pytest.mark.parametrize("value", ["maree", 7, 0.5, True, None, ["mare"]])
+def test_a_law_that_nobody_wrote_is_a_fault_that_says_which_there_are(value: object) -> None:
+    with pytest.raises(ParameterFaultsError) as found:
+        pump_type_from(choosing("compensator.edge_law", value))
+    ((where, words),) = found.value.faults
+    assert where == "changes.compensator.edge_law.value"
+    assert words.endswith("is not one of smooth (0), mare (1), amesim (2), attar (3)")
 
 
 def test_a_document_older_than_a_limit_has_the_references() -> None:

@@ -35,6 +35,24 @@ def slipper_model(pump: Pump) -> SlipperMap:
     return NO_MAP if stored is None else stored.model
 
 
+def evenly_worn(pump: Pump, clearances: NDArray[np.float64]) -> tuple[Pump, float]:
+    """A pump whose pistons are equal, in place of one with uneven clearances, and its ``piston_leakage_scale`` [-].
+
+    Leakage goes with the cube of a clearance, the fluid that a piston drags along (2-9) with the clearance itself: the
+    equal pistons have the mean clearance, and the scale lifts their leakage to the mean of the cubes.
+
+    Parameters
+    ----------
+    clearances
+        Factors on ``piston.b``, one of each piston, shape (n,), not negative.
+    """
+    mean = float(np.mean(clearances))
+    if mean <= 0.0:
+        return pump, 0.0
+    scale = float(np.mean((clearances / mean) ** 3))
+    return pump._replace(piston=pump.piston._replace(b=pump.piston.b * mean)), scale
+
+
 def operating_points(
     pump: Pump,
     rows: NDArray[np.float64],

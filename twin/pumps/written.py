@@ -10,6 +10,7 @@ from twin.operating_point import operating_point, problem
 from twin.parameters import Pump, PumpType, Quantity, Sensor, block
 from twin.parts.geometry import geometry_faults
 from twin.pumps import PUMP_TYPES, circuit_parameters
+from twin.pumps.choices import CHOICES, code_of, offered
 from twin.pumps.fluids import FLUIDS, with_fluid
 from twin.recording import MAY_LACK
 
@@ -50,9 +51,9 @@ def pump_type_from(document: Mapping[str, Any], bases: Mapping[str, PumpType] = 
         ``sensors``, ``quantities``, ``limits``, ``population``; or ``id``, ``base`` and ``changes``, a mapping from
         ``part.field``, ``limits.name`` or ``population.name`` to a quantity; with the frame's numbers and ``sensors``
         where they differ, and with ``fluid``, the product that fills it (``twin.pumps.fluids``). A quantity has ``value``,
-        ``unit``, ``source`` and perhaps ``uncertainty``; dotted names may be nested tables, as TOML writes them. Either may
-        say which channels its records ``lacks``, and that it has no twin of its own (``own_twin`` false): then its numbers
-        stand in, and need not run at its speed and limits.
+        ``unit``, ``source`` and perhaps ``uncertainty``; the value of a choice may be its name (``twin.pumps.choices``).
+        Dotted names may be nested tables, as TOML writes them. Either may say which channels its records ``lacks``, and that it
+        has no twin of its own (``own_twin`` false): then its numbers stand in, and need not run at its speed and limits.
     bases
         Pump types that ``base`` may name.
 
@@ -199,6 +200,14 @@ def quantity_from(where: str, given: Any, like: Quantity, named_unit: bool, faul
     known = ("value", "unit", "source", "uncertainty")
     faults += [(f"{where}.{name}", "is not a field of a quantity") for name in given if name not in known]
     value: Any = given.get("value")
+    group, _, path = where.partition(".")
+    if path in CHOICES:
+        value = code_of(path, value)
+        # a whole document may be a stored one, which verdicts rest on: it is read as it was
+        if value is None and (group == "changes" or not is_number(given.get("value"))):
+            faults.append((f"{where}.value", f"{given.get('value')!r} is not one of {offered(path)}"))
+            return like
+        value = given.get("value") if value is None else value
     unit, spread = given.get("unit"), given.get("uncertainty")
     before = len(faults)
     if not is_number(value):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import columns as at
-from twin.condition import INPUTS, OUTPUTS, RANGES
+from twin.condition import OUTPUTS, RANGES
 from twin.operating_point import operating_points, problem
 from twin.parameters import Circuit, Pump
 from twin.parts.geometry import geometry_faults
@@ -91,25 +91,27 @@ def _at(instants: Vector, times: Vector, table: Matrix) -> Matrix:
 
 
 def _piece(pump: Pump, circuit: Circuit, scenario: Scenario, instants: Vector, inputs: Matrix) -> Run:
-    n, m = int(pump.piston.n), len(instants)
-    rows, k_d = np.empty((m, len(INPUTS))), np.empty(m)
-    for i in range(m):
-        rows[i], k_d[i] = steady_inputs(inputs[i], n)
+    m = len(instants)
+    asked = [steady_inputs(pump, row) for row in inputs]
+    rows, k_d = np.array([a.row for a in asked]), np.array([a.k_d for a in asked])
+    clearances = np.array([a.pump.piston.b for a in asked])
     speed = rows[:, at.SPEED].copy()
     rows[:, at.SPEED] = np.maximum(speed, LOWEST_RPM)
     turning = np.minimum(speed / LOWEST_RPM, 1.0)
     # an imposed flow stands for consumers, which move nothing before the pump does
     rows[:, at.ASKED_FLOW] *= turning
     moving = turning > 0.0
-    solved = operating_points(pump, rows[moving], circuit, load_coefficient=k_d[moving])
-    values = np.zeros((m, solved.values.shape[1]))
-    values[moving] = solved.values
+    values, failures = np.zeros((m, len(OUTPUTS))), dict[int, str | None]()
+    # one pump for all instants, unless clearances wear in between
+    for b in np.unique(clearances[moving]):
+        places = np.flatnonzero(moving & (clearances == b))
+        solved = operating_points(asked[places[0]].pump, rows[places], circuit, load_coefficient=k_d[places])
+        values[places] = solved.values
+        failures |= {int(places[i]): problem(solved, int(i)) for i in np.flatnonzero(solved.status)}
     done, status = m, Status(RUNNING, float(instants[-1]), "", m)
-    failed = np.flatnonzero(moving)[solved.status != 0]
-    if len(failed):
-        done = int(failed[0])
-        place = int(np.flatnonzero(solved.status != 0)[0])
-        status = Status(CAVITATED, float(instants[done]), problem(solved, place) or "", done)
+    if failures:
+        done = min(failures)
+        status = Status(CAVITATED, float(instants[done]), failures[done] or "", done)
     found = dict(zip(OUTPUTS, values.T, strict=True))
     reservoir = rows[:, at.RESERVOIR]
     channels: dict[str, Vector] = {TIME: instants}

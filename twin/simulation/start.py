@@ -1,5 +1,7 @@
 """Where a run starts: the state at the operating point of its first instant."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,7 +9,7 @@ from twin import columns as at
 from twin.condition import INPUTS, OUTPUTS
 from twin.laws.fluid import P_ATMOSPHERE
 from twin.operating_point.equations import N_UNKNOWNS, U_SPOOL, U_TILT
-from twin.operating_point.points import slipper_model
+from twin.operating_point.points import evenly_worn, slipper_model
 from twin.operating_point.solver import WORK_ROWS, solve_cold
 from twin.parameters import Circuit, Pump
 from twin.simulation.layout import (
@@ -34,12 +36,32 @@ def load_coefficient(conductance: float) -> float:
     return PA_PER_BAR / (conductance / 60.0e3) ** 2 if conductance > 0.0 else 0.0
 
 
-def steady_inputs(inputs: Vector, n: int) -> tuple[Vector, float]:
-    """Row of the operating point, shape (len(INPUTS),), and its k_d: uneven gaps enter by their mean leakage."""
+class SteadyInputs(NamedTuple):
+    """What the operating point is asked in place of one row of a scenario.
+
+    Attributes
+    ----------
+    pump
+        With equal pistons of the mean clearance.
+    row
+        Conditions and health, shape (len(INPUTS),): uneven gaps enter by their mean leakage.
+    k_d
+        Of equation 3-2 [Pa/(m3/s)^2].
+    """
+
+    pump: Pump
+    row: Vector
+    k_d: float
+
+
+def steady_inputs(pump: Pump, inputs: Vector) -> SteadyInputs:
+    """What the operating point is asked in place of one row of a scenario's table, shape (N_SCENE + 2 n,)."""
+    n = int(pump.piston.n)
     row = inputs[: len(INPUTS)].copy()
-    row[at.PISTON_SCALE] *= np.mean(inputs[N_SCENE : N_SCENE + n] ** 3)
+    even, piston_scale = evenly_worn(pump, inputs[N_SCENE : N_SCENE + n])
+    row[at.PISTON_SCALE] *= piston_scale
     row[at.SLIPPER_SCALE] *= np.mean(inputs[N_SCENE + n :] ** 3)
-    return row, load_coefficient(float(inputs[LOAD_OPENING]))
+    return SteadyInputs(even, row, load_coefficient(float(inputs[LOAD_OPENING])))
 
 
 def starting_state(pump: Pump, circuit: Circuit, inputs: Vector) -> tuple[Vector, float]:
@@ -56,9 +78,9 @@ def starting_state(pump: Pump, circuit: Circuit, inputs: Vector) -> tuple[Vector
         when there is no operating point to start from.
     """
     n = int(pump.piston.n)
-    row, k_d = steady_inputs(inputs, n)
+    even, row, k_d = steady_inputs(pump, inputs)
     u, Y, work = np.empty(N_UNKNOWNS), np.empty(len(OUTPUTS)), np.empty((WORK_ROWS, N_UNKNOWNS))
-    if not solve_cold(pump, slipper_model(pump), circuit, row, k_d, u, Y, work):
+    if not solve_cold(even, slipper_model(pump), circuit, row, k_d, u, Y, work):
         raise ValueError("no operating point to start from: ask for less flow or a healthier pump")
     ambient = row[at.AMBIENT] * PA_PER_BAR
     pressures = [at.DISCHARGE_PRESSURE, at.CASE_PRESSURE, at.RETURN_PRESSURE, at.CONTROL_PRESSURE]

@@ -35,12 +35,14 @@ FOUR: tuple[Box, ...] = (
     Box("servo.F_rate", "N", 100.0, 1500.0, 1.0),
 )
 """Table 3-6, P_yoke as the force of its spring at full tilt."""
-SIX: tuple[Box, ...] = (
+SEVEN: tuple[Box, ...] = (
     *FOUR,
     Box("compensator.d_bleed", "mm", 0.0, 0.6, 1.0e-3),
     Box("slipper.d_throttle", "mm", 0.1, 1.0, 1.0e-3),
+    Box("compensator.F_preload", "N", 433.0, 489.0, 1.0),
 )
-"""And two passages whose flow does not go with pressure alone."""
+"""And two passages whose flow does not go with pressure alone, and the setting, 6 % to either side as its screw has it: where it
+is held, the bleed, which lowers the regulated pressure, is what the fit sets it by, and case flow pays for that."""
 _WORDS = dict(zip(VARIABLES, ("discharge pressure", "discharge flow", "case pressure", "case flow"), strict=True))
 _CASE_FLOW_GOAL = 20.0
 _GENERATIONS = 40
@@ -106,12 +108,12 @@ def chapter_3() -> Evidence:
     searched = joint_fit(pump, five, circuit, FOUR, NORMALISATION, "evolution", _GENERATIONS)
     alone = joint_fit(pump, five, circuit, FOUR, ACCURACY, "sqp")
     four = joint_fit(pump, five, circuit, FOUR, ACCURACY, "evolution", _GENERATIONS)
-    six = joint_fit(pump, five, circuit, SIX, ACCURACY, "evolution", _GENERATIONS)
+    seven = joint_fit(pump, five, circuit, SEVEN, ACCURACY, "evolution", _GENERATIONS)
     models = (
         model_of("h225, not fitted", pump, points),
         model_of("four numbers, factors of table 3-7", printed.pump, points),
         model_of("four numbers, by accuracy", four.pump, points),
-        model_of("six numbers, by accuracy", six.pump, points),
+        model_of("seven numbers, by accuracy", seven.pump, points),
     )
     bounds = {tank: 100.0 * least_worst_error([p.value("case_flow_lpm") for p in five[1:]])
               for tank, five in points.items()}  # fmt: skip
@@ -124,7 +126,7 @@ def chapter_3() -> Evidence:
         _readings_table(points),
         *(_errors_table(tank, models, points[tank]) for tank in TANK_PRESSURES_BAR),
         _numbers_table((("printed factors, SQP", printed), ("printed factors, evolution", searched),
-                        ("by accuracy, SQP", alone), ("by accuracy, evolution", four), ("six, by accuracy", six))),
+                        ("by accuracy, SQP", alone), ("by accuracy, evolution", four), ("seven, by accuracy", seven))),
     )  # fmt: skip
     return Evidence(
         "Chapter 3: five static points", tuple(rows), _plots(models, points), _remarks(bounds, four), tables

@@ -45,7 +45,10 @@ _QUANTITY = {
     "type": "object",
     "required": ["value", "unit", "source"],
     "properties": {
-        "value": {"type": "number"},
+        "value": {
+            "type": ["number", "string"],
+            "description": "A number; of a choice of law also its name, as `mare` of `compensator.edge_law`",
+        },
         "unit": {"type": "string"},
         "source": {"type": "string"},
         "uncertainty": {"type": ["number", "null"]},
