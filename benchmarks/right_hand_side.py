@@ -42,7 +42,7 @@ from twin.simulation.layout import (
     X,
 )
 from twin.simulation.scene import Scene
-from twin.simulation.step import passages
+from twin.simulation.step import passages, pose_of
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -60,7 +60,7 @@ def rates(
     dy: Vector,
 ) -> None:
     """Right-hand side dy/dt of the same network: for reference integrators."""
-    s = passages(pump, circuit, scene, y, n, clearances, ch)
+    s = passages(pump, circuit, scene, y, pose_of(y), n, clearances, ch)
     chambers.ports(pump, scene, y, n, ch)
     if pump.slipper.variable > 0.5:
         to_discharge, leaked, torque = lifted_rates(pump, scene, y, n, clearances, ch, dy)

@@ -60,7 +60,7 @@ MUTANTS: tuple[Mutant, ...] = (
     _law(
         "twin.laws.fluid", "return (P_0 - P_1) / (rho_0 * fluid.c_p)", "return (P_0 - P_1) / (2.0 * rho_0 * fluid.c_p)"
     ),
-    _law("twin.laws.fluid", "3.0 / 28.0 + y / 1680.0", "3.0 / 26.0 + y / 1680.0"),
+    _law("twin.laws.fluid", "1.0 + y * 0.25 * e", "1.0 + y * 0.2 * e"),
     _law("twin.laws.lines", "w_Q * abs(Q) / Q_ref + 1.0 - w_nu - w_Q)", "w_Q * abs(Q) / Q_ref + 1.0 - w_nu)"),
     _law("twin.laws.lines", "quotient + gamma * ratio * by_ratio)", "quotient + ratio * by_ratio)"),
     _law("twin.laws.lines", "math.sqrt(abs(P_d - P_i) / k_d)", "math.sqrt(2.0 * abs(P_d - P_i) / k_d)"),

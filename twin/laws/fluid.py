@@ -99,11 +99,15 @@ def film_of(fluid: Fluid, T: float) -> Film:
 
 @compiled
 def viscosity_factor(x: float) -> float:
-    """exp(x) as Pade's quotient of fourth order, within 1e-10 for |x| < 0.5 and 2e-5 for |x| < 2: viscosity by pressure."""
-    y = x * x
-    even = 1.0 + y * (3.0 / 28.0 + y / 1680.0)
-    odd = x * (0.5 + y / 84.0)
-    return (even + odd) / (even - odd)
+    """exp(x) as the eighth power of exp(x/8) by its series, within 1e-13 for |x| < 0.5 and 4e-9 for |x| < 2: viscosity by
+    pressure without a division.
+    """
+    y = 0.125 * x
+    e = 1.0 + y * 0.2 * (1.0 + y * (1.0 / 6.0) * (1.0 + y * (1.0 / 7.0)))
+    e = 1.0 + y * (1.0 + y * 0.5 * (1.0 + y * (1.0 / 3.0) * (1.0 + y * 0.25 * e)))
+    e *= e
+    e *= e
+    return e * e
 
 
 @compiled
@@ -113,6 +117,6 @@ def film_viscosity(film: Film, P_0: float, P_1: float) -> float:
 
 
 @compiled
-def film_fluidity(film: Film, P_0: float, P_1: float) -> float:
-    """One over ``film_viscosity`` [1/Pa/s]: for kernels that multiply by it several times."""
-    return viscosity_factor(-film.slope * max(P_0 - P_1, 0.0) - film.barus * (P_1 - P_ATMOSPHERE)) / film.mu_0
+def relative_fluidity(film: Film, P_0: float, P_1: float) -> float:
+    """``mu_0`` over ``film_viscosity`` [-]: for kernels that multiply by it several times."""
+    return viscosity_factor(-film.slope * max(P_0 - P_1, 0.0) - film.barus * (P_1 - P_ATMOSPHERE))

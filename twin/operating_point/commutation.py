@@ -278,9 +278,10 @@ def _changes(
 
 
 @compiled
-def _fluid(support: Support, w: float) -> complex:
-    """Control pressure per tilt rate at the angular frequency w [Pa s/rad]."""
-    return support.arm / complex(support.conductance, w * support.capacity)
+def _power(support: Support, w: float, rate: complex) -> float:
+    """Square of the control pressure's amplitude [Pa2] by the tilt rate's at the angular frequency w."""
+    g, s = support.conductance, w * support.capacity
+    return support.arm * support.arm * (rate.real * rate.real + rate.imag * rate.imag) / (g * g + s * s)
 
 
 @compiled
@@ -291,8 +292,12 @@ def _answer(support: Support, n: float, torque: float, omega: float, m: float) -
     """
     q = m * n
     w = q * omega
-    resistance = complex(support.damping, support.J * w - support.stiffness / w) + support.arm * _fluid(support, w)
-    return complex(0.0, -n / math.pi * torque * q / (q * q - 1.0)) / resistance
+    g, s = support.conductance, w * support.capacity
+    spring = support.arm * support.arm / (g * g + s * s)
+    real = support.damping + spring * g
+    imaginary = support.J * w - support.stiffness / w - spring * s
+    push = -n / math.pi * torque * q / ((q * q - 1.0) * (real * real + imaginary * imaginary))
+    return complex(push * imaginary, push * real)
 
 
 @compiled
@@ -383,8 +388,6 @@ def commutations(
     shut = _turn(n * (plate.phi_commutation - plate.phi_seal))
     drawn = rise.needed * _fluid_share(rise.bend, shut_r) + fall.needed * _fluid_share(fall.bend, shut_f)
     drawn += arm * _tilted(w, shut, turned, n * omega)
-    p_1, p_2 = w.h_1 * _fluid(support, n * omega), w.h_2 * _fluid(support, 2.0 * n * omega)
-    p_3, p_4 = w.h_3 * _fluid(support, 3.0 * n * omega), w.h_4 * _fluid(support, 4.0 * n * omega)
-    power = p_1.real**2 + p_1.imag**2 + p_2.real**2 + p_2.imag**2
-    power += p_3.real**2 + p_3.imag**2 + p_4.real**2 + p_4.imag**2
+    power = _power(support, n * omega, w.h_1) + _power(support, 2.0 * n * omega, w.h_2)
+    power += _power(support, 3.0 * n * omega, w.h_3) + _power(support, 4.0 * n * omega, w.h_4)
     return Commutations(rising, falling, math.sqrt(0.5 * power), drawn)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.condition import INPUTS, OUTPUTS, RANGES, RESERVOIR_RANGE_BAR, Condition, Health, OperatingPoints, input_rows
+from twin.operating_point.derivatives import N_GAUGE
 from twin.operating_point.solver import DEMAND_TOO_HIGH, NOT_CONVERGED, NOT_FINITE, OUT_OF_RANGE, solve_batch
 from twin.parameters import Circuit, Pump
 from twin.parts.slipper_map import NO_MAP, SlipperMap
@@ -15,8 +16,6 @@ from twin.slipper_maps import stored_map
 
 BELOW_VACUUM = 5
 """Status of a steady state that would need an absolute pressure below zero."""
-_PRESSURES = 4
-"""The first outputs are pressures: discharge, case, return, control."""
 
 PROBLEMS: dict[int, str] = {
     NOT_FINITE: "an input is not a number: give every condition, health value and load as a finite number",
@@ -97,7 +96,7 @@ def operating_points(
     slopes = np.empty((n, len(OUTPUTS), len(INPUTS)) if derivatives else (0, 0, 0))
     status = np.zeros(n, dtype=np.int64)
     solve_batch(pump, slipper_model(pump), circuit, rows, k_d, values, np.arange(len(INPUTS)), slopes, status)
-    absolute = values[:, :_PRESSURES] + rows[:, [INPUTS.index("ambient_pressure_bar")]]
+    absolute = values[:, :N_GAUGE] + rows[:, [INPUTS.index("ambient_pressure_bar")]]
     pulled = (status == 0) & (absolute < 0.0).any(axis=1)
     status[pulled] = BELOW_VACUUM
     values[pulled] = np.nan

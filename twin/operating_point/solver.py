@@ -1,4 +1,4 @@
-"""Damped Newton for the steady state, and its derivatives by the implicit function theorem."""
+"""Damped Newton for the steady state, one row after the other."""
 
 import math
 
@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin import columns as at
-from twin.compiled import compiled
+from twin.compiled import compiled, lent
 from twin.condition import INPUTS, RANGES, RESERVOIR_RANGE_BAR
+from twin.operating_point.derivatives import N_COMMUTING, SCALES, differentiate
 from twin.operating_point.elimination import solve_in_place
 from twin.operating_point.equations import (
     BALANCE,
@@ -44,40 +45,21 @@ _ANY = (-math.inf, math.inf)
 _LOW = tuple(RANGES.get(name, _ANY)[0] for name in INPUTS)
 _HIGH = tuple(RANGES.get(name, _ANY)[1] for name in INPUTS)
 
-N_COMMUTING = 3
-"""The first unknowns, P_d, P_c and s, are those that the commutations depend on."""
-_COMMUTES = tuple(
-    name
-    in (
-        "speed_rpm",
-        "fluid_temperature_degc",
-        "reservoir_pressure_bar",
-        "ambient_pressure_bar",
-        "pump_leakage_scale",
-        "slipper_leakage_scale",
-        "piston_leakage_scale",
-        "control_bleed_lpm",
-    )
-    for name in INPUTS
-)
-"""Inputs that the commutations depend on."""
-
-WORK_ROWS = 14
+WORK_ROWS = 15
 """Rows of scratch that ``solve`` asks for, N_UNKNOWNS long."""
-_RESIDUALS, _NEARBY, _KEPT, _JACOBIAN, _SPENT, _MOVE = 0, 1, 2, 3, 8, 13
+_RESIDUALS, _NEARBY, _KEPT, _JACOBIAN, _SPENT, _MOVE, _BEFORE = 0, 1, 2, 3, 8, 13, 14
 """Where they hold residuals, residuals nearby, the unknowns before a step, the Jacobian, what elimination spends of it,
-the step."""
+the step, the residuals before it."""
 
 _MAX_ITERATIONS = 60
 _MAX_HALVINGS = 12
+_WINS = 0.1
+"""Share of the residual that a step may leave for its Jacobian, with what the step has taught, to serve the next one."""
 _TOLERANCE = 1.0e-13
 """Largest scaled residual; flows are scaled by 1e-4 m3/s, so 1e-13 is far below 1e-9 of any throughput."""
 
-# scales of the unknowns P_d, P_c, s, x, Q_L and of the residuals (flow, Pa, N, flow, flow or Pa)
-_U = (1.0e7, 1.0e5, 0.1, 1.0e-3, 1.0e-4)
 _STEP = 1.0e-6
-_SLOPE_STEP = 1.0e-6
-"""Relative step of the derivatives: truncation and rounding both stay below 1e-5 of a slope."""
+"""Of the Jacobian's differences, in scaled unknowns."""
 _MAX_STEPS = (0.5e7, 1.0e9, 0.1, 1.0e-3, 1.0e9)
 """Longest Newton steps of P_d [Pa], tilt coordinate s [rad] and spool x [m]; the others are as good as free."""
 _TILT_LOW = -0.1
@@ -140,12 +122,25 @@ def _jacobian(
     F, F_2, J = work[_RESIDUALS], work[_NEARBY], work[_JACOBIAN:_SPENT]
     for j in range(N_UNKNOWNS):
         kept = u[j]
-        u[j] = kept + _STEP * _U[j]
+        u[j] = kept + _STEP * SCALES[j]
         there = commute(pump, model, warmth, row, u) if j < N_COMMUTING else passing
         evaluate(pump, circuit, warmth, there, row, k_d, u, F_2, Y)
         u[j] = kept
         for i in range(N_UNKNOWNS):
             J[i, j] = (F_2[i] - F[i]) / _STEP
+
+
+@compiled
+def _learn(J: Matrix, b: Matrix, damping: float, F: Vector, F_before: Vector) -> None:
+    """Change the Jacobian so that it explains the step ``damping b``, (5, 1) scaled, which J had led to: Broyden's method."""
+    square = 0.0
+    for j in range(N_UNKNOWNS):
+        square += b[j, 0] * b[j, 0]
+    per = 1.0 / (damping * max(square, 1.0e-300))
+    for i in range(N_UNKNOWNS):
+        missed = (F[i] - (1.0 - damping) * F_before[i]) * per
+        for j in range(N_UNKNOWNS):
+            J[i, j] += missed * b[j, 0]
 
 
 @compiled
@@ -162,11 +157,12 @@ def solve(
 ) -> bool:
     """Drive the residuals to zero from the guess in ``u``; True when solved. ``work`` is (WORK_ROWS, 5) of scratch.
 
-    While a step wins three digits its Jacobian serves the next one too: near the solution it hardly changes. ``near`` says
-    that ``work`` holds the Jacobian of a neighbour: it is tried first.
+    While a step wins a digit its Jacobian serves the next one too, changed so that it explains the step (Broyden's method).
+    ``near`` says that ``work`` holds the Jacobian of a neighbour: it is tried first.
     """
     F, kept, J, spent = work[_RESIDUALS], work[_KEPT], work[_JACOBIAN:_SPENT], work[_SPENT:_MOVE]
     b = work[_MOVE].reshape((N_UNKNOWNS, 1))
+    before_F = work[_BEFORE]
     warmth = warmth_of(pump, row)
     passing = commute(pump, model, warmth, row, u)
     evaluate(pump, circuit, warmth, passing, row, k_d, u, F, Y)
@@ -177,20 +173,22 @@ def solve(
             return True
         if not reused:
             _jacobian(pump, model, circuit, warmth, passing, row, k_d, u, Y, work)
-        spent[:, :] = J
         for i in range(N_UNKNOWNS):
+            for j in range(N_UNKNOWNS):
+                spent[i, j] = J[i, j]
             b[i, 0] = -F[i]
+            before_F[i] = F[i]
             kept[i] = u[i]
         if not solve_in_place(spent, b):
             return False
         damping = 1.0
         for i in range(N_UNKNOWNS):
-            if abs(b[i, 0]) * _U[i] * damping > _MAX_STEPS[i]:
-                damping = _MAX_STEPS[i] / (abs(b[i, 0]) * _U[i])
+            if abs(b[i, 0]) * SCALES[i] * damping > _MAX_STEPS[i]:
+                damping = _MAX_STEPS[i] / (abs(b[i, 0]) * SCALES[i])
         before, improved = norm, False
         for _halving in range(1 if reused else _MAX_HALVINGS):
             for i in range(N_UNKNOWNS):
-                u[i] = kept[i] + damping * b[i, 0] * _U[i]
+                u[i] = kept[i] + damping * b[i, 0] * SCALES[i]
             passing = commute(pump, model, warmth, row, u)
             evaluate(pump, circuit, warmth, passing, row, k_d, u, F, Y)
             trial = _norm(F, k_d)
@@ -207,7 +205,9 @@ def solve(
             # at the floor of rounding no step improves: accept what is solved for every purpose
             if not reused:
                 return _norm(F, k_d) < 1.0e4 * _TOLERANCE
-        reused = improved and norm < 1.0e-3 * before
+        reused = improved and norm < _WINS * before
+        if reused:
+            _learn(J, b, damping, F, before_F)
     return norm < 1.0e4 * _TOLERANCE
 
 
@@ -231,62 +231,6 @@ def solve_cold(
             break
     row[at.DROOP_SCALE] = asked
     return solved
-
-
-@compiled
-def differentiate(
-    pump: Pump,
-    model: SlipperMap,
-    circuit: Circuit,
-    row: Vector,
-    k_d: float,
-    u: Vector,
-    n_out: int,
-    by: NDArray[np.int64],
-    D: Matrix,
-) -> bool:
-    """Derivatives of the outputs by the inputs ``by``, D of shape (n_out, len(row)), at a solution ``u``.
-
-    With F(u, p) = 0: du/dp = -F_u^-1 F_p and dY/dp = Y_u du/dp + Y_p, the partials by forward differences: half the
-    price of central ones, and a health input is never taken below the zero that it starts from.
-    """
-    n_in = len(by)
-    n = N_UNKNOWNS
-    F_0, F_a = np.empty(n), np.empty(n)
-    Y_0, Y_a = np.empty(n_out), np.empty(n_out)
-    F_u, Y_u = np.empty((n, n)), np.empty((n_out, n))
-    F_p, Y_p = np.empty((n, n_in)), np.empty((n_out, n_in))
-    warmth = warmth_of(pump, row)
-    passing = commute(pump, model, warmth, row, u)
-    evaluate(pump, circuit, warmth, passing, row, k_d, u, F_0, Y_0)
-    for j in range(n):
-        kept = u[j]
-        u[j] = kept + _SLOPE_STEP * _U[j]
-        there = commute(pump, model, warmth, row, u) if j < N_COMMUTING else passing
-        evaluate(pump, circuit, warmth, there, row, k_d, u, F_a, Y_a)
-        u[j] = kept
-        F_u[:, j] = (F_a - F_0) / _SLOPE_STEP
-        Y_u[:, j] = (Y_a - Y_0) / _SLOPE_STEP
-    for place in range(n_in):
-        j = by[place]
-        kept = row[j]
-        h = _SLOPE_STEP * max(1.0, abs(kept))
-        row[j] = kept + h
-        warmer = warmth_of(pump, row) if j in (at.TEMPERATURE, at.SPEED) else warmth
-        there = commute(pump, model, warmer, row, u) if _COMMUTES[j] else passing
-        evaluate(pump, circuit, warmer, there, row, k_d, u, F_a, Y_a)
-        row[j] = kept
-        F_p[:, place] = (F_0 - F_a) / h
-        Y_p[:, place] = (Y_a - Y_0) / h
-    if not solve_in_place(F_u, F_p):
-        return False
-    for i in range(n_out):
-        for j in range(n_in):
-            total = Y_p[i, j]
-            for k in range(n):
-                total += Y_u[i, k] * F_p[k, j]
-            D[i, by[j]] = total
-    return True
 
 
 @compiled
@@ -323,8 +267,18 @@ def solve_batch(
     ``D`` of shape (0, 0, 0) asks for no derivatives; else those by the inputs ``by`` are written, the rest is left.
     """
     n_out = Y.shape[1]
-    u = np.empty(N_UNKNOWNS)
-    work = np.empty((WORK_ROWS, N_UNKNOWNS))
+    held_u, held_work = np.empty(N_UNKNOWNS), np.empty((WORK_ROWS, N_UNKNOWNS))
+    u, work, rows, k_d, Y, D = lent(held_u), lent(held_work), lent(rows), lent(k_d), lent(Y), lent(D)
+    model = SlipperMap(
+        lent(model.nodes),
+        lent(model.weights),
+        lent(model.centre),
+        lent(model.per_length),
+        lent(model.mean),
+        lent(model.low),
+        lent(model.high),
+    )
+    by, status = lent(by), lent(status)
     warm = False
     for i in range(rows.shape[0]):
         row = rows[i]
@@ -350,3 +304,5 @@ def solve_batch(
             Y[i, :] = np.nan
             if D.shape[0] > 0:
                 D[i, :, :] = np.nan
+    # what was lent lives as long as its owner is in use
+    held_u[0] = held_work[0, 0] = 0.0

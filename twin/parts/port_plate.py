@@ -7,11 +7,10 @@ from twin.parameters import PortPlate
 
 
 @compiled
-def _smooth_step(s: float) -> float:
-    if s <= 0.0:
-        return 0.0
-    if s >= 1.0:
-        return 1.0
+def opened_share(delayed: float, seal: float, per_ramp: float) -> float:
+    """Open share of a port at an angle between 0 and pi past the delayed dead centre [-], without a branch."""
+    s = min(delayed, math.pi - delayed) - seal
+    s = min(max(s * per_ramp, 0.0), 1.0)
     return s * s * (3.0 - 2.0 * s)
 
 
@@ -31,6 +30,4 @@ def opening(plate: PortPlate, phi: float) -> float:
 @compiled
 def window(plate: PortPlate, delayed: float) -> float:
     """Open area at an angle between 0 and pi past the delayed dead centre [m2]."""
-    rising = _smooth_step((delayed - plate.phi_seal) / plate.phi_ramp)
-    falling = _smooth_step((math.pi - plate.phi_seal - delayed) / plate.phi_ramp)
-    return plate.A_port * min(rising, falling)
+    return plate.A_port * opened_share(delayed, plate.phi_seal, 1.0 / plate.phi_ramp)

@@ -25,8 +25,17 @@ def land_coefficient(slipper: Slipper) -> float:
 
 @compiled
 def throttled_conductance(dP: float, K: float, G: float) -> float:
-    """Secant conductance of throttle K and land G in series, the pocket eliminated [m3/s/Pa]."""
-    return 2.0 * K * G / (K + math.sqrt(K * K + 4.0 * G * G * abs(dP)))
+    """Secant conductance of throttle K and land G in series, the pocket eliminated [m3/s/Pa].
+
+    Not called by the pump yet: its steps divide once by ``throttled_sum`` and by what else they divide by.
+    """
+    return 2.0 * K * G / throttled_sum(dP, K, G)
+
+
+@compiled
+def throttled_sum(dP: float, K: float, G: float) -> float:
+    """What ``2 K G`` is divided by in ``throttled_conductance`` [m3/s/Pa^0.5]."""
+    return K + math.sqrt(K * K + 4.0 * G * G * abs(dP))
 
 
 @compiled

@@ -46,9 +46,16 @@ class Account(NamedTuple):
 
 
 @compiled
-def average(y: Vector, time: float, step: float, flows: Vector, account: Account) -> None:
+def average(
+    y: Vector,
+    time: float,
+    step: float,
+    flows: Vector,
+    revolution: Vector,
+    means: Matrix,
+    counts: NDArray[np.int64],
+) -> None:
     """Add a step to the integrals of its revolution; where the shaft came round, split the step and close the mean."""
-    revolution, means, counts = account.revolution, account.means, account.counts
     angle = y[THETA]
     turned = angle - revolution[ANGLE]
     whole = 2.0 * math.pi

@@ -5,16 +5,18 @@ open: passages see the floor, and the state counts the missing mass until it is 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import inlined
 from twin.laws.compressibility import P_FLOOR, density_and_slope, pressure_of
-from twin.laws.fluid import film_fluidity
+from twin.laws.fluid import relative_fluidity
 from twin.parameters import Pump
 from twin.parts.piston import chamber_volume, volume_by_tilt, volume_rate_by_rotation
-from twin.parts.slipper import throttled_conductance
+from twin.parts.port_plate import opened_share
+from twin.parts.slipper import throttled_sum
 from twin.simulation.filling import (
     COS_NEW,
     FILLS,
@@ -29,9 +31,9 @@ from twin.simulation.filling import (
     Surroundings,
     fill,
     port,
+    port_coefficient,
 )
 from twin.simulation.layout import (
-    ALPHA,
     ALPHA_DOT,
     BY_C,
     BY_D,
@@ -47,6 +49,7 @@ from twin.simulation.layout import (
     G_S,
     MASS,
     N_SHARED,
+    N_VOLUMES,
     OF_PISTON,
     OF_SLIPPER,
     OMEGA,
@@ -63,6 +66,7 @@ from twin.simulation.layout import (
     VOLUME,
 )
 from twin.simulation.scene import Scene
+from twin.simulation.turning import Pose, past_dead_centre, small_turn
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -71,14 +75,28 @@ _FILLING = 0.25
 """Share of the opening ramp after which a chamber is full."""
 
 
+class Step(NamedTuple):
+    """One step: number of pistons, length [s], substeps of a filling chamber, pump's torque at the start [N m], tangent of
+    the tilt before it, and whether the states end with the pressures of their masses or with those of the linear system,
+    where nothing but the masses is asked for.
+    """
+
+    n: int
+    dt: float
+    n_sub: int
+    T_start: float
+    t: float
+    settled: bool
+
+
 @inlined
-def volumes(pump: Pump, scene: Scene, y: Vector, n: int, t: float, ch: Matrix) -> None:
+def volumes(pump: Pump, scene: Scene, y: Vector, n: int, pose: Pose, ch: Matrix) -> None:
     """Angle, volume and fluid of every chamber: what both kinds of slipper share."""
     piston = pump.piston
-    theta, omega = y[THETA], y[OMEGA]
+    omega = y[OMEGA]
     # the next piston's angle by rotation: one sine and cosine for all of them
-    c, s = math.cos(theta), math.sin(theta)
-    turn_c, turn_s = math.cos(2.0 * math.pi / n), math.sin(2.0 * math.pi / n)
+    t, c, s = pose
+    turn_c, turn_s = scene.pitch_c, scene.pitch_s
     for k in range(n):
         ch[k, COS], ch[k, SIN] = c, s
         ch[k, VOLUME] = chamber_volume(piston, scene.t_max, t, c)
@@ -91,7 +109,7 @@ def volumes(pump: Pump, scene: Scene, y: Vector, n: int, t: float, ch: Matrix) -
 @inlined
 def ports(pump: Pump, scene: Scene, y: Vector, n: int, ch: Matrix) -> None:
     """Conductances of every chamber to discharge and suction at a state; a step takes them as they stand in its middle."""
-    delayed = (y[THETA] - pump.port_plate.phi_commutation) % (2.0 * math.pi)
+    delayed = past_dead_centre(y[THETA], pump.port_plate.phi_commutation)
     for k in range(n):
         P = y[N_SHARED + k]
         ch[k, G_D], ch[k, G_S] = port(pump.port_plate, delayed, P, y[P_D], scene.P_s, scene.rho)
@@ -105,16 +123,20 @@ def constant_gaps(pump: Pump, scene: Scene, y: Vector, n: int, clearances: Matri
     """Leakage of every piston and slipper; ``clearances`` (n, 2) are factors on each one's gap height."""
     piston, slipper = pump.piston, pump.slipper
     P_c, omega = y[P_C], y[OMEGA]
-    land = scene.land * slipper.h**3
-    K = scene.throttle
+    per_mu = 1.0 / scene.film.mu_0
+    land = scene.land * slipper.h**3 * per_mu
+    ring = scene.piston_scale * scene.ring * per_mu
+    K, K_scaled = scene.throttle, 2.0 * scene.throttle * scene.slipper_scale
     for k in range(n):
         P = max(y[N_SHARED + k], P_FLOOR)
-        fluidity = film_fluidity(scene.film, P, P_c)
+        fluidity = relative_fluidity(scene.film, P, P_c)
         b, h = clearances[k, OF_PISTON], clearances[k, OF_SLIPPER]
         G = land * h * h * h * fluidity
-        ch[k, G_LAND] = scene.slipper_scale * throttled_conductance(P - P_c, K, G)
-        ring = scene.piston_scale * scene.ring * b * b * b
-        ch[k, G_RING] = ring * fluidity / (piston.l_mean - piston.R * t * ch[k, COS])
+        # throttle and land in series (``throttled_conductance``), and the ring, by one division
+        length, series = piston.l_mean - piston.R * t * ch[k, COS], throttled_sum(P - P_c, K, G)
+        per = 1.0 / (length * series)
+        ch[k, G_LAND] = K_scaled * G * length * per
+        ch[k, G_RING] = ring * b * b * b * fluidity * series * per
         ch[k, G_L] = ch[k, G_LAND] + ch[k, G_RING]
         ch[k, DRAG] = -scene.ring_drag * b * piston.R * t * ch[k, SIN] * omega
 
@@ -124,9 +146,7 @@ def eliminate(
     pump: Pump,
     scene: Scene,
     y: Vector,
-    n: int,
-    dt: float,
-    n_sub: int,
+    step: Step,
     clearances: Matrix,
     ch: Matrix,
     A: Matrix,
@@ -138,19 +158,21 @@ def eliminate(
     elsewhere. An affine quantity is four numbers: constant, by P_d', by P_c', by alpha_dot'.
     """
     piston, plate = pump.piston, pump.port_plate
-    t = math.tan(y[ALPHA])
+    n, dt, n_sub, t = step.n, step.dt, step.n_sub, step.t
     P_d, P_c, w_old, P_s = y[P_D], y[P_C], y[ALPHA_DOT], scene.P_s
     turn, per_dt = y[OMEGA] * dt, 1.0 / dt
-    turn_c, turn_s = math.cos(turn), math.sin(turn)
+    turn_c, turn_s = small_turn(turn)
     busy = plate.phi_seal + _FILLING * plate.phi_ramp
     area_R = 0.25 * math.pi * piston.d_p**2 * piston.R
     leaks = Leaks(
-        scene.medium, scene.film, scene.rho, scene.slipper_scale, scene.land * pump.slipper.h**3, scene.throttle,
-        scene.piston_scale * scene.ring,
+        scene.medium, scene.film, scene.rho, scene.slipper_scale, scene.land * pump.slipper.h**3 / scene.film.mu_0,
+        scene.throttle, scene.piston_scale * scene.ring / scene.film.mu_0,
     )  # fmt: skip
+    wide_open, per_ramp = port_coefficient(plate, scene.rho), 1.0 / plate.phi_ramp
+    laminar = plate.dP_laminar * plate.dP_laminar
     around = Surroundings(P_s, P_d, P_c, w_old, t, area_R, turn, dt, n_sub)
     pitch = 2.0 * math.pi / n
-    delayed = (y[THETA] - plate.phi_commutation) % (2.0 * math.pi)
+    delayed = past_dead_centre(y[THETA], plate.phi_commutation)
     A_dd = A_dc = A_dw = A_cd = A_cc = A_cw = A_wd = A_wc = A_ww = b_d = b_c = b_w = 0.0
     for k in range(n):
         P = y[N_SHARED + k]
@@ -179,11 +201,20 @@ def eliminate(
             A_ww -= tilt * ch[k, MEAN + BY_W]
         else:
             ch[k, FILLS] = 0.0
-            G_d, G_s = port(plate, delayed + 0.5 * turn, P, P_d, P_s, scene.rho)
-            ch[k, G_D], ch[k, G_S] = G_d, G_s
             G_l, drag = ch[k, G_L], ch[k, DRAG]
             C = ch[k, CAPACITY] * ch[k, VOLUME] * per_dt
-            D = 1.0 / (C + G_d + G_s + G_l)
+            # the port as it stands in the middle of the step (``port``), with the elimination by one division
+            angle = delayed + 0.5 * turn
+            angle = angle - 2.0 * math.pi if angle >= 2.0 * math.pi else angle
+            delivers = angle < math.pi
+            open_port = wide_open * opened_share(angle if delivers else angle - math.pi, plate.phi_seal, per_ramp)
+            over = max(P, P_FLOOR) - (P_d if delivers else P_s)
+            root = math.sqrt(math.sqrt(over * over + laminar))
+            through = (C + G_l) * root + open_port
+            per = 1.0 / (root * through)
+            D, G = root * root * per, open_port * through * per
+            G_d, G_s = (G, 0.0) if delivers else (0.0, G)
+            ch[k, G_D], ch[k, G_S] = G_d, G_s
             grow = ch[k, DENSITY] * tilt
             forced = C * P + G_s * P_s - drag - ch[k, DENSITY] * ch[k, ROTATION]
             a_0, a_d, a_c, a_w = forced * D, G_d * D, G_l * D, -grow * D
@@ -222,13 +253,14 @@ def eliminate(
 
 @inlined
 def update(
-    pump: Pump, scene: Scene, y: Vector, n: int, dt: float, ch: Matrix, b: Vector, t_new: float, flows: Vector
+    pump: Pump, scene: Scene, y: Vector, step: Step, ch: Matrix, b: Vector, t_new: float, flows: Vector
 ) -> tuple[float, float]:
     """New pressures by the masses that the solved flows move; returns flow to discharge and into the case [m3/s].
 
     ``y`` still holds the tilt of before; ``b`` is the solution of the shared system.
     """
     P_d, P_c, w_new = b[P_D], b[P_C], b[TILT_RATE]
+    n, dt = step.n, step.dt
     to_discharge = leaked = torque = drawn = slipped = 0.0
     for k in range(n):
         P = ch[k, P_END] + ch[k, P_END + BY_D] * P_d + ch[k, P_END + BY_C] * P_c + ch[k, P_END + BY_W] * w_new
@@ -245,11 +277,22 @@ def update(
             slipped += ch[k, G_LAND] * over
         mass = ch[k, MASS] + dt * (q_s - q_d - q_l)
         ch[k, MASS] = mass
-        volume = chamber_volume(pump.piston, scene.t_max, t_new, ch[k, COS_NEW])
-        y[N_SHARED + k] = pressure_of(scene.medium, mass, volume, P)
+        if step.settled:
+            P = pressure_of(scene.medium, mass, chamber_volume(pump.piston, scene.t_max, t_new, ch[k, COS_NEW]), P)
+        y[N_SHARED + k] = P
         to_discharge += q_d
         leaked += q_l
         drawn += q_s
         torque -= over * ch[k, ROTATION]
     flows[Q_SUCTION], flows[TORQUE], flows[Q_SLIPPER] = drawn, torque / y[OMEGA], slipped
     return to_discharge, leaked
+
+
+@inlined
+def set_pressures(pump: Pump, scene: Scene, pose: Pose, held: Vector, y: Vector, n: int) -> None:
+    """Pressures of the chambers by the fluid that they hold, behind N_VOLUMES, into ``y``, which holds guesses."""
+    t, c, s = pose
+    for k in range(n):
+        volume = chamber_volume(pump.piston, scene.t_max, t, c)
+        y[N_SHARED + k] = pressure_of(scene.medium, held[N_VOLUMES + k], volume, y[N_SHARED + k])
+        c, s = c * scene.pitch_c - s * scene.pitch_s, s * scene.pitch_c + c * scene.pitch_s

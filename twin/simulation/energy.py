@@ -32,7 +32,7 @@ from twin.simulation.layout import (
     V_SPOOL,
 )
 from twin.simulation.scene import N_SCENE, Scene, scene_of
-from twin.simulation.step import passages
+from twin.simulation.step import passages, pose_of
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -61,7 +61,7 @@ def _powers(
     pump: Pump, circuit: Circuit, scene: Scene, y: Vector, n: int, gaps: Matrix, ch: Matrix, out: Vector
 ) -> None:
     """Add the powers of one state to ``out``, shape (len(POWERS),)."""
-    s = passages(pump, circuit, scene, y, n, gaps, ch)
+    s = passages(pump, circuit, scene, y, pose_of(y), n, gaps, ch)
     chambers.ports(pump, scene, y, n, ch)
     m, P_s = scene.medium, scene.P_s
     P_d, P_c, P_i, P_x, w, v = y[P_D], y[P_C], y[P_I], max(y[P_CTRL], P_FLOOR), y[ALPHA_DOT], y[V_SPOOL]

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
 from twin.laws.compressibility import P_FLOOR, Medium, density_and_slope
-from twin.laws.fluid import Film, film_fluidity
+from twin.laws.fluid import Film, relative_fluidity
 from twin.laws.orifice import smooth_orifice_conductance
 from twin.parameters import Piston, PortPlate
-from twin.parts.port_plate import window
-from twin.parts.slipper import throttled_conductance
+from twin.parts.port_plate import opened_share, window
+from twin.parts.slipper import throttled_sum
 from twin.simulation.layout import (
     BY_C,
     BY_D,
@@ -27,6 +27,7 @@ from twin.simulation.layout import (
     SIN,
     VOLUME,
 )
+from twin.simulation.turning import small_turn
 
 Vector = NDArray[np.float64]
 
@@ -41,7 +42,7 @@ FILLS = FIRST_SCRATCH + 22
 
 class Leaks(NamedTuple):
     """What a chamber is filled with and leaks through: density [kg/m3], scale on the slippers' leakage, coefficients of
-    land, throttle and ring as of ``Scene``.
+    land and ring over the film's viscosity without load, and of the throttle.
     """
 
     medium: Medium
@@ -94,6 +95,12 @@ def port(plate: PortPlate, delayed: float, P: float, P_d: float, P_s: float, rho
     return 0.0, (smooth_orifice_conductance(P - P_s, area, rho, plate.dP_laminar) if area > 0.0 else 0.0)
 
 
+@inlined
+def port_coefficient(plate: PortPlate, rho: float) -> float:
+    """What a wide open port lets through by the root of a pressure difference [m3/s/Pa^0.5]."""
+    return plate.C_q * plate.A_port * math.sqrt(2.0 / rho)
+
+
 @compiled
 def fill(piston: Piston, plate: PortPlate, leaks: Leaks, around: Surroundings, place: Place, row: Vector) -> None:
     """A chamber through its substeps, the shared states standing at the step's end: affine results into ``row``."""
@@ -103,43 +110,54 @@ def fill(piston: Piston, plate: PortPlate, leaks: Leaks, around: Surroundings, p
     t_max = (row[VOLUME] - piston.V_dead) / area_R - t * row[COS]
     drag, G_l, G_h = row[DRAG], row[G_L], row[G_LAND]
     p_0, p_d, p_c, p_w = P, 0.0, 0.0, 0.0
-    d_0 = d_d = d_c = d_w = s_0 = s_d = s_c = s_w = l_0 = l_d = l_c = l_w = m_0 = m_d = m_c = m_w = h_0 = 0.0
+    g = g_0 = g_d = g_c = g_w = l_0 = l_d = l_c = l_w = m_0 = m_d = m_c = m_w = h_0 = 0.0
     per, per_h = 1.0 / n_sub, n_sub / dt
-    step_c, step_s = math.cos(turn * per), math.sin(turn * per)
+    step_c, step_s = small_turn(turn * per)
+    # the port has opened a little while ago: no substep leaves its kidney
+    delivers = angle < math.pi
+    if not delivers:
+        angle -= math.pi
+    P_port, of_d = (P_d, 1.0) if delivers else (P_s, 0.0)
+    from_s = P_s - of_d * P_s
+    wide_open, per_ramp = port_coefficient(plate, rho), 1.0 / plate.phi_ramp
+    laminar = plate.dP_laminar * plate.dP_laminar
+    land_0 = leaks.land * gap_h * gap_h * gap_h
+    ring, K_scaled = leaks.ring * gap_b * gap_b * gap_b, 2.0 * leaks.throttle * leaks.slipper_scale
     guess, c, sn, volume = P, row[COS], row[SIN], row[VOLUME]
     density, capacity = row[DENSITY], row[CAPACITY]
     angle += 0.5 * turn * per
     for _ in range(n_sub):
-        G_d, G_s = port(plate, angle, guess, P_d, P_s, rho)
+        open_port = wide_open * opened_share(angle, plate.phi_seal, per_ramp)
+        dP = max(guess, P_FLOOR) - P_port
+        root = math.sqrt(math.sqrt(dP * dP + laminar))
         angle += turn * per
         c, sn = c * step_c - sn * step_s, sn * step_c + c * step_s
         turned = piston.V_dead + area_R * (t_max + t * c)
         C = capacity * volume * per_h
-        D = 1.0 / (C + G_d + G_s + G_l)
-        forced = G_s * P_s - drag - density * (turned - volume) * per_h
-        if (C * guess + forced + G_d * P_d + G_l * P_c - density * tilt * w_old) * D >= P_FLOOR:
+        through = (C + G_l) * root + open_port
+        inverse = 1.0 / (root * through)
+        D, G = root * root * inverse, open_port * through * inverse
+        forced = G * from_s - drag - density * (turned - volume) * per_h
+        if (C * guess + forced + of_d * G * P_d + G_l * P_c - density * tilt * w_old) * D >= P_FLOOR:
             p_0, p_d, p_c, p_w = (
                 (C * p_0 + forced) * D,
-                (C * p_d + G_d) * D,
+                (C * p_d + of_d * G) * D,
                 (C * p_c + G_l) * D,
                 (C * p_w - density * tilt) * D,
             )
             e_0, e_d, e_c, e_w = p_0, p_d, p_c, p_w
         else:
             e_0, e_d, e_c, e_w = P_FLOOR, 0.0, 0.0, 0.0
-            p_0 += (forced - (G_d + G_s + G_l) * P_FLOOR) / C
-            p_d += G_d / C
+            p_0 += (forced - (G + G_l) * P_FLOOR) / C
+            p_d += of_d * G / C
             p_c += G_l / C
             p_w -= density * tilt / C
         guess = p_0 + p_d * P_d + p_c * P_c + p_w * w_old
-        d_0 += G_d * e_0
-        d_d += G_d * (e_d - 1.0)
-        d_c += G_d * e_c
-        d_w += G_d * e_w
-        s_0 += G_s * (P_s - e_0)
-        s_d -= G_s * e_d
-        s_c -= G_s * e_c
-        s_w -= G_s * e_w
+        g += G
+        g_0 += G * e_0
+        g_d += G * e_d
+        g_c += G * e_c
+        g_w += G * e_w
         l_0 += G_l * e_0
         l_d += G_l * e_d
         l_c += G_l * (e_c - 1.0)
@@ -151,18 +169,27 @@ def fill(piston: Piston, plate: PortPlate, leaks: Leaks, around: Surroundings, p
         h_0 += G_h * (guess - P_c)
         volume = turned
         density, capacity = density_and_slope(leaks.medium, guess)
-        dP = max(guess - P_c, 0.0)
-        fluidity = film_fluidity(leaks.film, guess, P_c)
-        land = leaks.land * gap_h * gap_h * gap_h * fluidity
-        G_h = leaks.slipper_scale * throttled_conductance(dP, leaks.throttle, land)
-        G_l = G_h + leaks.ring * gap_b * gap_b * gap_b * fluidity / (piston.l_mean - piston.R * t * c)
+        fluidity = relative_fluidity(leaks.film, guess, P_c)
+        land = land_0 * fluidity
+        # throttle and land in series (``throttled_conductance``), and the ring, by one division
+        series = throttled_sum(max(guess - P_c, 0.0), leaks.throttle, land)
+        length = piston.l_mean - piston.R * t * c
+        inverse = 1.0 / (length * series)
+        G_h = K_scaled * land * length * inverse
+        G_l = G_h + ring * fluidity * series * inverse
     row[P_END], row[P_END + BY_D], row[P_END + BY_C], row[P_END + BY_W] = p_0, p_d, p_c, p_w
-    row[TO_D], row[TO_D + BY_D], row[TO_D + BY_C], row[TO_D + BY_W] = d_0 * per, d_d * per, d_c * per, d_w * per
+    to_d, to_s = of_d * per, per - of_d * per
+    row[TO_D], row[TO_D + BY_D], row[TO_D + BY_C], row[TO_D + BY_W] = (
+        g_0 * to_d,
+        (g_d - g) * to_d,
+        g_c * to_d,
+        g_w * to_d,
+    )
     row[FROM_S], row[FROM_S + BY_D], row[FROM_S + BY_C], row[FROM_S + BY_W] = (
-        s_0 * per,
-        s_d * per,
-        s_c * per,
-        s_w * per,
+        (g * P_s - g_0) * to_s,
+        -g_d * to_s,
+        -g_c * to_s,
+        -g_w * to_s,
     )
     row[TO_C], row[TO_C + BY_D], row[TO_C + BY_C], row[TO_C + BY_W] = (
         l_0 * per + drag,

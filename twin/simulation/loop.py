@@ -6,13 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.compiled import compiled
-from twin.laws.compressibility import P_FLOOR, pressure_of
+from twin.compiled import compiled, inlined, lent
+from twin.laws.compressibility import P_FLOOR
 from twin.parameters import Circuit, Pump
-from twin.parts.piston import chamber_volume
-from twin.simulation import mapped_slippers, slippers
+from twin.simulation import chambers, mapped_slippers, slippers
 from twin.simulation.averages import ROUNDING, STOPPED_AT, TAKEN, Account, average
-from twin.simulation.film import lifted_volume
+from twin.simulation.chambers import Step
 from twin.simulation.layout import (
     ALPHA,
     N_COLUMNS,
@@ -24,14 +23,15 @@ from twin.simulation.layout import (
     OF_SLIPPER,
     OMEGA,
     P_C,
-    P_CTRL,
     P_D,
     P_I,
     THETA,
 )
 from twin.simulation.mapped_slippers import Gaps
 from twin.simulation.scene import N_SCENE, Scene, scene_of
-from twin.simulation.step import Scratch, Step, passages, solve_step
+from twin.simulation.step import Scratch, passages, pose_of, solve_step
+from twin.simulation.turning import Pose, small_turn, tangent_after
+from twin.simulation.volumes import set_pressures
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -50,16 +50,14 @@ _FINE_ANGLE = 0.005
 class Workspace(NamedTuple):
     """What a run works on, made once, so that no step allocates.
 
-    Scratch of a step, states of the full step, masses of the last half step and of the full one, flows of a step and of
-    half of it; means for the metamodel of the slippers (``mapped_slippers``).
+    Scratch of a step; states before it and after the full step, masses of the last half step and of the full one, shape
+    (4, m); flows of a step, of the full one and of its first half, shape (3, N_FLOWS); means for the metamodel of the
+    slippers (``mapped_slippers``).
     """
 
     scratch: Scratch
-    coarse: Vector
-    masses: Vector
-    masses_coarse: Vector
-    flows: Vector
-    flows_half: Vector
+    states: Matrix
+    flows: Matrix
     gathered: Vector
 
 
@@ -91,18 +89,10 @@ def workspace(n: int, m: int, mapped: bool = False) -> Workspace:
     scratch = Scratch(np.ones((n, 2)), np.empty((n, N_COLUMNS)), A, b, added)
     gathered = np.zeros(mapped_slippers.N_GATHERED)
     gathered[mapped_slippers.FIRST_OUTSIDE] = math.inf
-    return Workspace(
-        scratch,
-        np.empty(m),
-        np.empty(N_VOLUMES + 2 * n),
-        np.empty(N_VOLUMES + 2 * n),
-        np.empty(N_FLOWS),
-        np.empty(N_FLOWS),
-        gathered,
-    )
+    return Workspace(scratch, np.empty((4, max(m, N_VOLUMES + 2 * n))), np.empty((3, N_FLOWS)), gathered)
 
 
-@compiled
+@inlined
 def advance(
     pump: Pump,
     circuit: Circuit,
@@ -111,57 +101,70 @@ def advance(
     dt: float,
     T_start: float,
     extrapolate: bool,
-    ws: Workspace,
+    scratch: Scratch,
+    states: Matrix,
+    flows: Matrix,
 ) -> bool:
     """One step of ``dt``; extrapolated from one full and two half steps: second order, the bias taken out.
 
-    Masses are extrapolated, not pressures, so that the extrapolated state conserves mass as the steps do. With variable
-    gaps the chambers' table holds the slippers' substeps for this step (``slippers.choose_substeps``).
+    ``states``, shape (4, m or more), keeps what extrapolation compares, ``flows``, shape (3, N_FLOWS), the flows of
+    the step and of its parts. Masses are extrapolated, not pressures, so that the extrapolated state conserves mass as the
+    steps do: only the first half step's pressures are asked for. With variable gaps the chambers' table holds the
+    slippers' substeps for this step (``slippers.choose_substeps``).
     """
-    scratch, coarse, masses, masses_coarse = ws.scratch, ws.coarse, ws.masses, ws.masses_coarse
-    flows, flows_half = ws.flows, ws.flows_half
     clearances, ch = scratch.clearances, scratch.ch
-    n = ch.shape[0]
+    n, m = ch.shape[0], y.shape[0]
+    before, coarse, masses, masses_coarse = states[0], states[1], states[2], states[3]
+    through, through_coarse, through_half = flows[0], flows[1], flows[2]
     n_sub = max(1, math.ceil(y[OMEGA] * dt / _FINE_ANGLE))
-    full, half = Step(n, dt, n_sub, T_start), Step(n, 0.5 * dt, n_sub, T_start)
-    s = passages(pump, circuit, scene, y, n, clearances, ch)
-    if not extrapolate:
-        return solve_step(pump, circuit, scene, s, y, full, scratch, masses, flows)
-    coarse[:] = y
-    ok = solve_step(pump, circuit, scene, s, coarse, full, scratch, masses_coarse, flows)
-    ok = ok and solve_step(pump, circuit, scene, s, y, half, scratch, masses, flows_half)
-    if not ok:
-        return False
+    for j in range(m):
+        before[j] = y[j]
+    first = pose_of(y)
+    pose, ok, length = first, True, dt
+    # one copy of the step serves all three: compiled once, and short enough for the processor's first cache
+    for part in range(3 if extrapolate else 1):
+        if part != 1:
+            s = passages(pump, circuit, scene, y, pose, n, clearances, ch)
+        step = Step(n, length, n_sub, T_start, pose.t, part == 1 or not extrapolate)
+        ok, t = solve_step(pump, circuit, scene, s, y, step, scratch, masses, through)
+        if not ok or not extrapolate:
+            break
+        if part == 0:
+            for j in range(m):
+                coarse[j], y[j] = y[j], before[j]
+            for j in range(N_VOLUMES + 2 * n):
+                masses_coarse[j] = masses[j]
+            for j in range(N_FLOWS):
+                through_coarse[j] = through[j]
+            length = 0.5 * dt
+        elif part == 1:
+            for j in range(N_FLOWS):
+                through_half[j] = through[j]
+            pose = _moved(first, t, y[THETA] - before[THETA])
+    if not ok or not extrapolate:
+        return ok
     for j in range(N_FLOWS):
-        flows[j] = flows_half[j] - flows[j]
-    s = passages(pump, circuit, scene, y, n, clearances, ch)
-    ok = solve_step(pump, circuit, scene, s, y, half, scratch, masses, flows_half)
-    for j in range(N_FLOWS):
-        flows[j] += flows_half[j]
-    m, volumes, piston = scene.medium, pump.volumes, pump.piston
-    for j in range(N_VOLUMES, y.shape[0]):
+        through[j] += through_half[j] - through_coarse[j]
+    for j in range(N_VOLUMES, N_SHARED):
         y[j] = 2.0 * y[j] - coarse[j]
-    other = masses_coarse
-    y[P_D] = pressure_of(m, 2.0 * masses[P_D] - other[P_D], volumes.discharge, y[P_D])
-    y[P_C] = pressure_of(m, 2.0 * masses[P_C] - other[P_C], volumes.case, y[P_C])
-    y[P_I] = pressure_of(m, 2.0 * masses[P_I] - other[P_I], volumes.return_line, y[P_I])
-    y[P_CTRL] = pressure_of(m, 2.0 * masses[P_CTRL] - other[P_CTRL], volumes.control, y[P_CTRL])
-    t = math.tan(y[ALPHA])
-    c, sn = math.cos(y[THETA]), math.sin(y[THETA])
-    turn_c, turn_s = math.cos(2.0 * math.pi / n), math.sin(2.0 * math.pi / n)
-    lifted = pump.slipper.variable > 0.5
-    for k in range(n):
-        if lifted:
-            h = y[N_SHARED + 2 * n + k]
-            V = lifted_volume(piston, scene.t_max, t, c, h)
-            held = 2.0 * masses[N_VOLUMES + n + k] - other[N_VOLUMES + n + k]
-            pocket = pump.slipper.V_pocket + scene.S_eq * h
-            y[N_SHARED + n + k] = pressure_of(m, held, pocket, y[N_SHARED + n + k])
-        else:
-            V = chamber_volume(piston, scene.t_max, t, c)
-        y[N_SHARED + k] = pressure_of(m, 2.0 * masses[N_VOLUMES + k] - other[N_VOLUMES + k], V, y[N_SHARED + k])
-        c, sn = c * turn_c - sn * turn_s, sn * turn_c + c * turn_s
-    return ok and math.isfinite(y[P_D] + y[ALPHA])
+    for j in range(N_VOLUMES + 2 * n):
+        masses[j] = 2.0 * masses[j] - masses_coarse[j]
+    set_pressures(pump, scene, masses, y)
+    pose = _moved(first, tangent_after(first.t, y[ALPHA] - before[ALPHA]), y[THETA] - before[THETA])
+    if pump.slipper.variable > 0.5:
+        for j in range(N_SHARED + 2 * n, m):
+            y[j] = 2.0 * y[j] - coarse[j]
+        slippers.set_pressures(pump, scene, pose, masses, y, n)
+    else:
+        chambers.set_pressures(pump, scene, pose, masses, y, n)
+    return math.isfinite(y[P_D] + y[ALPHA])
+
+
+@inlined
+def _moved(pose: Pose, t: float, turn: float) -> Pose:
+    """Pose with the tilt's tangent ``t``, the shaft having turned by ``turn`` [rad]."""
+    turn_c, turn_s = small_turn(turn)
+    return Pose(t, pose.c * turn_c - pose.s * turn_s, pose.s * turn_c + pose.c * turn_s)
 
 
 @compiled
@@ -211,15 +214,18 @@ def run_loop(
         ``RUNNING`` when it went through; else what stopped it, ``y`` being the worst state and
         ``revolution[STOPPED_AT]`` its time.
     """
-    # unpacked once: taking an array out of a tuple counts references, which costs more than a chamber
-    times, table = inputs_of
+    # lent: taking a counted array out of a tuple, or a row out of it, costs more than a chamber
+    y, times, table = lent(y), lent(inputs_of.times), lent(inputs_of.table)
     start, dt, n_steps, substeps, extrapolate, T_start = pace
-    keep, samples, revolution, counts = account.keep, account.samples, account.revolution, account.counts
-    clearances, ch, flows = ws.scratch.clearances, ws.scratch.ch, ws.flows
-    added, gathered = ws.scratch.added, ws.gathered
+    keep, samples, revolution = lent(account.keep), lent(account.samples), lent(account.revolution)
+    means, counts = lent(account.means), lent(account.counts)
+    states, all_flows, gathered = lent(ws.states), lent(ws.flows), lent(ws.gathered)
+    clearances, ch, added = lent(ws.scratch.clearances), lent(ws.scratch.ch), lent(ws.scratch.added)
+    scratch = Scratch(clearances, ch, lent(ws.scratch.A), lent(ws.scratch.b), added)
+    flows = all_flows[0]
     mapped = added.shape[0] > 0
     n = ch.shape[0]
-    inputs = np.empty(table.shape[1])
+    inputs, through = np.empty(table.shape[1]), np.empty(N_FLOWS)
     segment = 0
     time = start
     segment = _inputs_at(times, table, time, segment, inputs)
@@ -233,7 +239,6 @@ def run_loop(
     interval = dt * substeps
     whole = 2.0 * math.pi
     pieces_left, step, blow = 0, dt, False
-    through = np.empty(N_FLOWS)
     for i in range(n_steps):
         through[:] = 0.0
         j = 0
@@ -248,7 +253,7 @@ def run_loop(
                 _clearances(inputs, n, clearances)
                 fresh = segment
                 constant = _is_constant(table, segment)
-            ok = advance(pump, circuit, scene, y, step, T_start, extrapolate, ws)
+            ok = advance(pump, circuit, scene, y, step, T_start, extrapolate, scratch, states, all_flows)
             counts[TAKEN] += 1
             time = time + step
             pieces_left -= 1
@@ -265,9 +270,10 @@ def run_loop(
             if min(y[P_D], y[P_C], y[P_I]) < P_FLOOR - _CAVITY:
                 revolution[STOPPED_AT] = time
                 return CAVITATED
+            share = step / interval
             for k in range(N_FLOWS):
-                through[k] += step / interval * flows[k]
-            average(y, time, step, flows, account)
+                through[k] += share * flows[k]
+            average(y, time, step, flows, revolution, means, counts)
             if y[THETA] >= whole - ROUNDING:
                 y[THETA] -= whole
         time = start + (i + 1) * interval

@@ -77,6 +77,8 @@ class Scene(NamedTuple):
     A_outer: float
     squeeze: float
     t_max: float
+    pitch_c: float
+    pitch_s: float
 
 
 @compiled
@@ -127,4 +129,6 @@ def scene_of(pump: Pump, circuit: Circuit, row: Vector) -> Scene:
         A_outer=outer_area(piston, slipper),
         squeeze=squeeze_coefficient(piston, slipper),
         t_max=math.tan(pump.swashplate.alpha_max),
+        pitch_c=math.cos(2.0 * math.pi / piston.n),
+        pitch_s=math.sin(2.0 * math.pi / piston.n),
     )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
-from twin.laws.compressibility import P_FLOOR, relative_compressibility
+from twin.laws.compressibility import P_FLOOR
 from twin.laws.fluid import film_viscosity
 from twin.laws.friction import friction_damping, friction_damping_ahead
 from twin.operating_point.equations import drain_viscosity_ratio
@@ -46,6 +46,7 @@ from twin.simulation.layout import (
     X,
 )
 from twin.simulation.scene import Scene
+from twin.simulation.volumes import Held, held_fluid
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -72,7 +73,7 @@ class Shared(NamedTuple):
     ``bleed`` is the flow at that instant, which a step takes as it will be (``bleed_ahead``);
     ``e_in_x``, ``e_out_x`` are slopes of the control flows by the spool's position [m2/s]; ``F_spring`` with its
     slopes acts against discharge pressure on the spool, ``F_friction_v`` being the part of ``F_spring_v`` that is friction
-    at the spool's speed of now; ``torque`` is what acts on the plate besides pressures.
+    at the spool's speed of now; ``torque`` is what acts on the plate besides pressures; ``held`` is the volumes' fluid.
     """
 
     load: float
@@ -100,6 +101,7 @@ class Shared(NamedTuple):
     arm_rate: float
     stroke: Servo
     rate: Servo
+    held: Held
 
 
 @compiled
@@ -126,12 +128,12 @@ def _warmed_drain(pump: Pump, scene: Scene, k_c: float, k_cQ: float, dP: float, 
 
 
 @inlined
-def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Shared:
-    """Passages and forces between the shared states of ``y``."""
+def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector, t: float) -> Shared:
+    """Passages and forces between the shared states of ``y``, ``t`` being the tangent of its tilt."""
     comp, gap, plate, servo = pump.compensator, pump.port_plate, pump.swashplate, pump.servo
     P_d, P_c, P_i, P_ctrl = y[P_D], y[P_C], y[P_I], max(y[P_CTRL], P_FLOOR)
     x, v, alpha, alpha_dot = y[X], y[V_SPOOL], y[ALPHA], y[ALPHA_DOT]
-    rho, t = scene.rho, math.tan(alpha)
+    rho = scene.rho
     plate_gap = scene.plate_scale * gap.h**3 / 12.0 * gap.shape
     mu_case = film_viscosity(scene.film, P_d, P_c)
     mu_in = film_viscosity(scene.film, P_d, P_ctrl)
@@ -213,24 +215,22 @@ def shared_passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector) -> Sh
         arm_rate=servo_part.rate_arm(servo, t),
         stroke=stroke,
         rate=rate,
+        held=held_fluid(pump, scene, y),
     )
 
 
 @inlined
 def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, dt: float, A: Matrix, b: Vector) -> None:
     """Put the shared passages into ``A`` (6, 6) and ``b`` (6,), overwriting both."""
-    volumes, comp = pump.volumes, pump.compensator
+    comp, held, P_s, per_dt = pump.compensator, s.held, scene.P_s, 1.0 / dt
     P_d, P_c, P_i, P_ctrl = y[P_D], y[P_C], y[P_I], y[P_CTRL]
     shared = 1.0 if circuit.shared > 0.5 else 0.0
-    m, P_s = scene.medium, scene.P_s
     for i in range(6):
         b[i] = 0.0
         for j in range(6):
             A[i, j] = 0.0
-    C_d = relative_compressibility(m, P_d) * volumes.discharge / dt
-    C_c = relative_compressibility(m, P_c) * volumes.case / dt
-    C_i = relative_compressibility(m, P_i) * volumes.return_line / dt
-    C_x = relative_compressibility(m, P_ctrl) * volumes.control / dt
+    C_d, C_c = held.capacity_d * per_dt, held.capacity_c * per_dt
+    C_i, C_x = held.capacity_i * per_dt, held.capacity_x * per_dt
     G_dc = s.plate_d + s.throttled + s.rate_leak
     # discharge
     A[P_D, P_D] = C_d + s.load + s.system + s.e_in + G_dc
@@ -260,15 +260,15 @@ def assemble(pump: Pump, circuit: Circuit, scene: Scene, s: Shared, y: Vector, d
     # spool
     A[SPOOL_SPEED, P_D] = -comp.A_spool
     A[SPOOL_SPEED, P_C] = comp.A_spool
-    A[SPOOL_SPEED, SPOOL_SPEED] = comp.m_spool / dt + s.F_spring_x * dt + s.F_spring_v
-    b[SPOOL_SPEED] = comp.m_spool / dt * y[V_SPOOL] - s.F_spring
+    A[SPOOL_SPEED, SPOOL_SPEED] = comp.m_spool * per_dt + s.F_spring_x * dt + s.F_spring_v
+    b[SPOOL_SPEED] = comp.m_spool * per_dt * y[V_SPOOL] - s.F_spring
     if s.F_friction_v > 0.0:
         inertia, drive = A[SPOOL_SPEED, SPOOL_SPEED] - s.F_friction_v, b[SPOOL_SPEED] + comp.A_spool * (P_d - P_c)
         coulomb, static = comp.F_coulomb + scene.jam, comp.F_static + scene.jam
         A[SPOOL_SPEED, SPOOL_SPEED] = inertia + friction_damping_ahead(coulomb, static, comp.v_friction, drive, inertia)
     # plate
-    A[TILT_RATE, TILT_RATE] = s.J / dt - s.torque_rate - s.torque_alpha * dt
-    b[TILT_RATE] = s.J / dt * y[ALPHA_DOT] + s.torque
+    A[TILT_RATE, TILT_RATE] = s.J * per_dt - s.torque_rate - s.torque_alpha * dt
+    b[TILT_RATE] = s.J * per_dt * y[ALPHA_DOT] + s.torque
     if pump.servo.contact > 0.5:
         _assemble_servos(pump, s, y, dt, A, b)
         return

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled
-from twin.laws.compressibility import P_FLOOR, pressure, relative_compressibility, relative_density
+from twin.laws.compressibility import P_FLOOR, density_and_slope, pressure_of, relative_density
 from twin.parameters import Pump
 from twin.parts.slipper import lever
 from twin.simulation.filling import port
@@ -27,6 +27,7 @@ from twin.simulation.layout import (
     FIRST_SCRATCH,
     MASS,
     N_SHARED,
+    N_VOLUMES,
     OF_PISTON,
     OF_SLIPPER,
     OMEGA,
@@ -42,6 +43,7 @@ from twin.simulation.layout import (
     TORQUE,
 )
 from twin.simulation.scene import Scene
+from twin.simulation.turning import Pose
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -155,7 +157,7 @@ def _glide(
     P, P_p, h, u = y[i], y[i + n], y[i + 2 * n], y[i + 3 * n]
     row[_P], row[_Q], row[_H], row[_U] = P, P_p, h, u
     n_sub = int(row[SUBSTEPS])
-    step, per = dt / n_sub, 1.0 / n_sub
+    step, per, per_step = dt / n_sub, 1.0 / n_sub, n_sub / dt
     turn = omega * step
     turn_c, turn_s = math.cos(turn), math.sin(turn)
     c, s = row[COS], row[SIN]
@@ -164,7 +166,7 @@ def _glide(
         c_new, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
         middle = 0.5 * (c + c_new)
         # rate of the gap by rotation alone
-        r = cos_alpha * piston.R * t * (c_new - c) / step
+        r = cos_alpha * piston.R * t * (c_new - c) * per_step
         arm_old = lever(piston, h, cos_alpha, t, middle)
         stance = Stance(clearance, wear, t, cos_alpha, middle)
         # passages see the floor where a cavity stands open
@@ -172,10 +174,10 @@ def _glide(
         f = film(pump, scene, stance, motion)
         G_d, G_s = port(plate, delayed, P, P_d, scene.P_s, scene.rho)
         delayed += turn
-        density = relative_density(medium, P)
-        C = relative_compressibility(medium, P) * lifted_volume(piston, scene.t_max, t, c, h) / step
-        w_p = relative_density(medium, P_p)
-        C_p = relative_compressibility(medium, P_p) * (slipper.V_pocket + S * h) / step
+        density, capacity = density_and_slope(medium, P)
+        C = capacity * lifted_volume(piston, scene.t_max, t, c, h) * per_step
+        w_p, capacity = density_and_slope(medium, P_p)
+        C_p = capacity * (slipper.V_pocket + S * h) * per_step
         K_t = f.stiffness * step + f.damping
         D_p = 1.0 / (C_p + f.throttle + f.land)
         Sd = w_p * S * D_p
@@ -298,8 +300,8 @@ def update_lifted(
         pocket += dt * (q_t - q_h)
         row[POCKET] = pocket
         P, P_p = _at(row, _P, P_d, P_c, w_new), _at(row, _Q, P_d, P_c, w_new)
-        y[i] = pressure(scene.medium, mass / lifted_volume(piston, scene.t_max, t_new, row[_COS_NEW], h), P)
-        y[i + n] = pressure(scene.medium, pocket / (slipper.V_pocket + scene.S_eq * h), P_p)
+        y[i] = pressure_of(scene.medium, mass, lifted_volume(piston, scene.t_max, t_new, row[_COS_NEW], h), P)
+        y[i + n] = pressure_of(scene.medium, pocket, slipper.V_pocket + scene.S_eq * h, P_p)
         y[i + 2 * n], y[i + 3 * n] = h, _at(row, _U, P_d, P_c, w_new)
         # what slipper and piston displace in the case, from where they stand: the chamber's volume is told likewise
         rise = h - h_old
@@ -312,3 +314,16 @@ def update_lifted(
         power += _at(row, _WORK, P_d, P_c, w_new)
     flows[Q_SUCTION], flows[TORQUE], flows[Q_SLIPPER] = drawn, power / y[OMEGA], slipped
     return to_discharge, leaked
+
+
+@compiled
+def set_pressures(pump: Pump, scene: Scene, pose: Pose, held: Vector, y: Vector, n: int) -> None:
+    """Pressures of chambers and pockets by the fluid that they hold, behind N_VOLUMES, into ``y``, which holds guesses."""
+    t, c, s = pose
+    for k in range(n):
+        i = N_SHARED + k
+        h = y[i + 2 * n]
+        volume = lifted_volume(pump.piston, scene.t_max, t, c, h)
+        y[i] = pressure_of(scene.medium, held[N_VOLUMES + k], volume, y[i])
+        y[i + n] = pressure_of(scene.medium, held[N_VOLUMES + n + k], pump.slipper.V_pocket + scene.S_eq * h, y[i + n])
+        c, s = c * scene.pitch_c - s * scene.pitch_s, s * scene.pitch_c + c * scene.pitch_s

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.compiled import compiled, inlined
-from twin.laws.compressibility import pressure_of, relative_density
 from twin.parameters import Circuit, Pump
 from twin.parts.drive import friction_torque, speed_after
 from twin.simulation import chambers, mapped_slippers, slippers
+from twin.simulation.chambers import Step
 from twin.simulation.layout import (
     ALPHA,
     ALPHA_DOT,
@@ -46,18 +46,11 @@ from twin.simulation.layout import (
 )
 from twin.simulation.scene import Scene
 from twin.simulation.shared import Shared, assemble, bleed_ahead, open_cavity, servo_speed, shared_passages
+from twin.simulation.turning import Pose, tangent_after
+from twin.simulation.volumes import set_pressures
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
-
-
-class Step(NamedTuple):
-    """One step: number of pistons, length [s], substeps of a filling chamber, pump's torque at the start [N m]."""
-
-    n: int
-    dt: float
-    n_sub: int
-    T_start: float
 
 
 class Scratch(NamedTuple):
@@ -73,13 +66,20 @@ class Scratch(NamedTuple):
 
 
 @inlined
-def passages(pump: Pump, circuit: Circuit, scene: Scene, y: Vector, n: int, clearances: Matrix, ch: Matrix) -> Shared:
+def passages(
+    pump: Pump, circuit: Circuit, scene: Scene, y: Vector, pose: Pose, n: int, clearances: Matrix, ch: Matrix
+) -> Shared:
     """Every passage and force at the state ``y`` but the ports: chambers into ``ch``, the rest returned."""
-    t = math.tan(y[ALPHA])
-    chambers.volumes(pump, scene, y, n, t, ch)
+    chambers.volumes(pump, scene, y, n, pose, ch)
     if pump.slipper.variable < 0.5:
-        chambers.constant_gaps(pump, scene, y, n, clearances, t, ch)
-    return shared_passages(pump, circuit, scene, y)
+        chambers.constant_gaps(pump, scene, y, n, clearances, pose.t, ch)
+    return shared_passages(pump, circuit, scene, y, pose.t)
+
+
+@inlined
+def pose_of(y: Vector) -> Pose:
+    """Where plate and shaft stand in the state ``y``."""
+    return Pose(math.tan(y[ALPHA]), math.cos(y[THETA]), math.sin(y[THETA]))
 
 
 @inlined
@@ -93,13 +93,14 @@ def solve_step(
     scratch: Scratch,
     masses: Vector,
     flows: Vector,
-) -> bool:
-    """Advance ``y`` by a step in place with the passages in ``s`` and the scratch; False when it failed.
+) -> tuple[bool, float]:
+    """Advance ``y`` by a step in place with the passages in ``s`` and the scratch; False when it failed, and the tangent
+    of the tilt that it ended with.
 
     ``masses`` (N_VOLUMES + 2 n,) receives the fluid in discharge, case, return, control volume, chambers and pockets
     [m3 at ambient density]; ``flows`` (N_FLOWS,) the step's flows.
     """
-    n, dt, n_sub, T_start = step
+    n, dt, T_start = step.n, step.dt, step.T_start
     clearances, ch, A, b, added = scratch
     mapped = added.shape[0] > 0
     lifted = pump.slipper.variable > 0.5
@@ -107,7 +108,7 @@ def solve_step(
     if lifted:
         slippers.eliminate_lifted(pump, scene, y, n, dt, clearances, ch, A, b)
     else:
-        chambers.eliminate(pump, scene, y, n, dt, n_sub, clearances, ch, A, b)
+        chambers.eliminate(pump, scene, y, step, clearances, ch, A, b)
     if mapped:
         mapped_slippers.assemble(added, scene.P_s, A, b)
     bleed = bleed_slope = 0.0
@@ -115,14 +116,14 @@ def solve_step(
         bleed, bleed_slope = bleed_ahead(pump, scene, y, A, b)
     open_cavity(y, A, b)
     if not solve_shared(A, b):
-        return False
+        return False, 0.0
     Pd, Pc, Pi, Pctrl, v_new, w_new = b[P_D], b[P_C], b[P_I], b[P_CTRL], b[SPOOL_SPEED], b[TILT_RATE]
     alpha_new = y[ALPHA] + dt * w_new
-    t_new = math.tan(alpha_new)
+    t_new = tangent_after(step.t, dt * w_new)
     if lifted:
         to_discharge, leaked = slippers.update_lifted(pump, scene, y, n, dt, ch, b, t_new, flows)
     else:
-        to_discharge, leaked = chambers.update(pump, scene, y, n, dt, ch, b, t_new, flows)
+        to_discharge, leaked = chambers.update(pump, scene, y, step, ch, b, t_new, flows)
 
     P_s = scene.P_s
     shared = 1.0 if circuit.shared > 0.5 else 0.0
@@ -142,21 +143,18 @@ def solve_step(
     swept, fed = -s.arm * w_new, s.arm_rate * w_new
     if pump.servo.contact > 0.5:
         swept, fed = _move_servos(pump, s, y, dt, b)
-    m, volumes = scene.medium, pump.volumes
+    held = s.held
     d_d, d_c = to_discharge - q_load - q_sys - q_in - q_dc - fed, leaked + q_dc + q_sc + q_out - q_drain + swept + fed
     d_i, d_x = q_load + q_sys + shared * q_drain - q_ret, q_in - q_out - swept
-    masses[P_D] = relative_density(m, y[P_D]) * volumes.discharge + dt * d_d
-    masses[P_C] = relative_density(m, y[P_C]) * volumes.case + dt * d_c
-    masses[P_I] = relative_density(m, y[P_I]) * volumes.return_line + dt * d_i
-    masses[P_CTRL] = relative_density(m, y[P_CTRL]) * volumes.control + dt * d_x
+    masses[P_D], masses[P_C] = held.fluid_d + dt * d_d, held.fluid_c + dt * d_c
+    masses[P_I], masses[P_CTRL] = held.fluid_i + dt * d_i, held.fluid_x + dt * d_x
     for k in range(n):
         masses[N_VOLUMES + k] = ch[k, MASS]
         if lifted:
             masses[N_VOLUMES + n + k] = ch[k, POCKET]
-    y[P_D] = pressure_of(m, masses[P_D], volumes.discharge, Pd)
-    y[P_C] = pressure_of(m, masses[P_C], volumes.case, Pc)
-    y[P_I] = pressure_of(m, masses[P_I], volumes.return_line, Pi)
-    y[P_CTRL] = pressure_of(m, masses[P_CTRL], volumes.control, Pctrl)
+    y[P_D], y[P_C], y[P_I], y[P_CTRL] = Pd, Pc, Pi, Pctrl
+    if step.settled:
+        set_pressures(pump, scene, masses, y)
     y[X] += dt * v_new
     y[V_SPOOL] = v_new
     y[ALPHA] = alpha_new
@@ -170,7 +168,7 @@ def solve_step(
         y[OMEGA] = scene.omega
     flows[Q_LOAD], flows[Q_DRAIN], flows[Q_RETURN], flows[Q_SYSTEM] = q_load, q_drain, q_ret, q_sys
     flows[Q_SUCTION] += q_sc
-    return math.isfinite(y[P_D] + y[P_C] + y[ALPHA])
+    return math.isfinite(y[P_D] + y[P_C] + y[ALPHA]), t_new
 
 
 @inlined
