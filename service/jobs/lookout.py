@@ -4,6 +4,8 @@ dbos is launched while there is work and destroyed when there has been none for 
 some twenty times a second, and so would its own schedules, which are workflows too.
 """
 
+import logging
+import sys
 import time
 import uuid
 from collections.abc import Callable, Collection
@@ -81,6 +83,9 @@ def awake(engine: Engine) -> None:
         "sys_db_pool_size": 5,
         "notification_listener_polling_interval_sec": 1.0,
     }
+    for handler in logging.getLogger("dbos").handlers:  # made at its import, for what was the stream then
+        if type(handler) is logging.StreamHandler:
+            handler.stream = sys.stderr
     try:
         DBOS(config=config)
         DBOS.launch()

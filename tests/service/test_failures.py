@@ -165,6 +165,7 @@ class TestHandOver:
             "limits": {"inflated_bytes": 10**8, "rows": 10**6},
             "memory_bytes": 2**40,
             "dialect": None,
+            "with_texts": True,
         }
         assert worker._answer(request)["problem"] == "StorageFull"
 

@@ -22,8 +22,7 @@ enum { SPEED_IN, SUCTION_IN, FLOW_IN, CASE_LINE_IN, TEMPERATURE_IN };
 enum { RUNNING, DIVERGED };
 
 typedef struct {
-    double v[N_VARIABLES], y[N_STATES], row[N_ROW], flows[N_FLOWS], flows_half[N_FLOWS];
-    double coarse[N_STATES], masses[4 + 2 * N_PISTONS], masses_coarse[4 + 2 * N_PISTONS];
+    double v[N_VARIABLES], y[N_STATES], row[N_ROW], flows[3 * N_FLOWS], states[4 * N_STATES];
     double clearances[2 * N_PISTONS], chambers[N_PISTONS * N_COLUMNS], A[36], b[6];
     T_parameters_Pump pump;
     T_parameters_Circuit circuit;
@@ -53,11 +52,11 @@ static void prepare(Model *m) {
 }
 
 static bool step(Model *m, const T_scene_Scene *scene, double dt) {
-    T_loop_Workspace ws = {
-        {{m->clearances, N_PISTONS, 2}, {m->chambers, N_PISTONS, N_COLUMNS}, {m->A, 6, 6}, {m->b, 6}, {m->b, 0}},
-        VEC(coarse), VEC(masses), VEC(masses_coarse), VEC(flows), VEC(flows_half), {m->b, 0}};
+    T_step_Scratch scratch = {
+        {m->clearances, N_PISTONS, 2}, {m->chambers, N_PISTONS, N_COLUMNS}, {m->A, 6, 6}, {m->b, 6}, {m->b, 0}};
     m->y[P_I] = (m->v[1 + CASE_LINE_IN] + AMBIENT) * 1.0e5; /* the far end of the drain is the other model's */
-    bool ok = loop_advance(m->pump, m->circuit, *scene, VEC(y), dt, 0.0, 1, ws);
+    bool ok = loop_advance(m->pump, m->circuit, *scene, VEC(y), dt, 0.0, 1, scratch,
+                           (Mat){m->states, 4, N_STATES}, (Mat){m->flows, 3, N_FLOWS});
     if (m->y[P_D] < 0.0 || m->y[P_C] < 0.0) return false; /* nothing pulls a fluid */
     if (m->y[THETA] >= 6.283185307179586) m->y[THETA] -= 6.283185307179586;
     return ok;

@@ -13,6 +13,8 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
+from twin.laws.compressibility import power
+
 _OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _MATHS = ("sqrt", "sin", "cos", "tan", "tanh", "exp", "log", "atan", "acos", "pow", "copysign")
@@ -224,6 +226,9 @@ class _Function:
         self._say(f"{self.of(target)[0]} = {code};")
 
     def _unpack(self, targets: ast.Tuple, value: ast.expr) -> None:
+        if isinstance(value, ast.IfExp) and isinstance(value.body, ast.Tuple) and isinstance(value.orelse, ast.Tuple):
+            pairs = zip(value.body.elts, value.orelse.elts, strict=True)
+            value = ast.Tuple([ast.IfExp(value.test, a, b) for a, b in pairs], ast.Load())
         if isinstance(value, ast.Tuple):
             held = []
             for element in value.elts:
@@ -347,6 +352,8 @@ class _Function:
         if isinstance(e.func, ast.Name) and e.func.id in ("max", "min", "abs", "float", "int"):
             return self._builtin(e.func.id, [self.of(a) for a in e.args])
         called = self._called(e.func)
+        if called is power:  # C has the exact one
+            return self._maths("pow", [self.of(a) for a in e.args])
         if hasattr(called, "_fields"):
             given = dict(zip(called._fields, e.args, strict=False)) | {k.arg: k.value for k in e.keywords}
             inner = ", ".join(self.of(given[name])[0] for name in called._fields)
