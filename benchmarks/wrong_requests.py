@@ -26,6 +26,7 @@ from benchmarks import RESULTS, keep
 from service.storage.database import upgrade
 from service.web.api_document.document import openapi_document
 from tests.postgres import cluster, create_database
+from tests.service import lent_application
 from tests.service.guarded import guarded_client, key
 from tests.service.matrix import seeded
 from tests.service.mutations import Mutations, Referee, answered
@@ -107,4 +108,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    finally:
+        lent_application.close()  # its thread would keep the process

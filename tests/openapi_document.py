@@ -16,6 +16,7 @@ from service.settings import Settings
 from service.web.answer_route import Checking
 from service.web.api_document.document import openapi_document
 from service.web.app import create_app
+from tests.service import lent_application
 from tests.service.bursts import burst_document
 from tests.service.guarded import guarded_client, key
 from tests.service.matrix import API, ENDING, MARK, MATRIX, OPEN, PAGE, entered, sent
@@ -134,7 +135,10 @@ def _shortened(value: Any) -> Any:
 def main() -> int:
     """Write what was asked for."""
     if "--examples" in sys.argv[1:]:
-        EXAMPLES.write_text(json.dumps(recorded(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        try:
+            EXAMPLES.write_text(json.dumps(recorded(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        finally:
+            lent_application.close()  # its thread would keep the process
     DOCUMENT.write_text(document_text(), encoding="utf-8")
     print(f"wrote {DOCUMENT.relative_to(ROOT)}")
     return 0
