@@ -95,6 +95,9 @@ class Mould:
         """End it; copies live on."""
         self._process.kill()
         self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                pipe.close()
 
     def _answer(self) -> str:
         line = self._process.stdout.readline() if self._process.stdout else ""
