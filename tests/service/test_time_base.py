@@ -58,7 +58,11 @@ def test_no_sample_is_moved_far_and_none_of_the_base_is_touched(
     moved = np.abs(at[there] - temperature[there])
     assert moved.max() <= max(0.76 * fast, min(1.0, 0.76 * fast * ratio))
     if ratio > 2.0:
-        assert np.array_equal(np.sort(temperature[there]), slow)
+        # only where rows of the base are lost there may be none near enough that is free
+        missing = np.setdiff1d(slow, temperature[there])
+        after = np.clip(np.searchsorted(base, missing), 1, len(base) - 1)
+        assert np.all(base[after] - base[after - 1] > 1.5 * fast)
+        assert lost > 0.0 or not missing.size
 
 
 def test_starts_align_whatever_zone_they_are_written_in() -> None:

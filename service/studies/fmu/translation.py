@@ -13,22 +13,13 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
+from service.studies.fmu.packing import template
 from twin.laws.compressibility import power
 
 _OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _MATHS = ("sqrt", "sin", "cos", "tan", "tanh", "exp", "log", "atan", "acos", "pow", "copysign")
 _PLAIN = {float: "double", int: "int", bool: "int", type(None): "void"}
-PRELUDE = """#include <math.h>
-#include <string.h>
-typedef struct { double *p; int n; } Vec;
-typedef struct { double *p; int n, m; } Mat;
-static double floored(double a, double b) { double r = fmod(a, b); return r != 0.0 && (r < 0.0) != (b < 0.0) ? r + b : r; }
-static double most(double a, double b) { return b > a ? b : a; }
-static double least(double a, double b) { return b < a ? b : a; }
-static int most_int(int a, int b) { return b > a ? b : a; }
-"""
-"""What every translation stands on: arrays with their lengths, Python's modulo, largest and smallest."""
 
 
 class UntranslatableError(ValueError):
@@ -47,7 +38,7 @@ class Translation:
     @property
     def text(self) -> str:
         """The C source."""
-        return "\n".join([PRELUDE, *self._structs.values(), *self._prototypes, *self._bodies])
+        return "\n".join([template("prelude.h"), *self._structs.values(), *self._prototypes, *self._bodies])
 
     def add(self, kernel: Callable[..., Any]) -> str:
         """Translate a kernel with all that it calls; returns its name in C."""
