@@ -135,7 +135,7 @@ def demo(
     settings = Settings(auth="off")
     place = free_port(host, port)
     operator = operator_of(flights, seed)
-    say("Starting the service (the first start compiles the twin, some minutes) …", to=to)
+    say("Starting the service (the first start compiles the twin, a minute or two) …", to=to)
     try:
         with served(settings, host, place) as address:
             with Client(address) as client:
