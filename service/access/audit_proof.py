@@ -13,7 +13,7 @@ from sqlalchemy import exists, select
 from sqlalchemy.orm import Session
 
 from service.access.audit import DELETION, ERASED, EXPIRY
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.storage.audit_anchor import Anchor
 from service.storage.audit_chain import (
     HEAD_ID,

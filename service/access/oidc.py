@@ -16,7 +16,7 @@ from joserfc import jwt
 from joserfc.errors import JoseError
 from joserfc.jwk import KeySet
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.errors import Unauthenticated, Unavailable
 
 ALGORITHMS = ["RS256", "PS256", "ES256", "ES384", "EdDSA"]

@@ -14,8 +14,8 @@ from service.alarms import reading
 from service.alarms.ledger import follow
 from service.alarms.life_cycle import ACKNOWLEDGE, CLOSE, COMMENT, PLAN, SHELVE, UNSHELVE
 from service.answers import alarms as answers
+from service.answers.documents import JsonObject, RowValues
 from service.answers.words import instant
-from service.documents import JsonObject, RowValues
 from service.errors import Conflict, Fault, Invalid, Problem
 from service.storage.database import Database
 from service.storage.tables import Alarm, AlarmAction, Pump, StoredAssessment

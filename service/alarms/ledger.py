@@ -12,9 +12,9 @@ from detectors.words.states import QUIET
 from service.alarms.life_cycle import PRIORITIES, Action, Life, Plan, Point, lives, rules_of
 from service.alarms.reading import shown
 from service.answers.alarms import AlarmEvent
+from service.answers.documents import RowValues
 from service.answers.verdicts import Verdict
 from service.answers.words import instant
-from service.documents import RowValues
 from service.identity import release_number
 from service.notifications.outbox import Event, announce
 from service.storage.database import Database

@@ -2,8 +2,8 @@
 
 from typing_extensions import TypedDict
 
+from service.answers.documents import JsonObject
 from service.answers.words import Instant, shape
-from service.documents import JsonObject
 
 
 @shape

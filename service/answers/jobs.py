@@ -6,10 +6,10 @@ from typing import NotRequired
 from typing_extensions import TypedDict
 
 from service.answers.alarms import AlarmChanges, AlarmOutline
+from service.answers.documents import JsonObject
 from service.answers.problems import Problem
 from service.answers.thresholds import FirstAlarm, JudgedFindings, PreviewTotals
 from service.answers.words import Instant, State, shape
-from service.documents import JsonObject
 
 
 @shape

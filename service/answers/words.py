@@ -11,7 +11,7 @@ from typing import Annotated, Any, Generic, TypeVar, overload
 from pydantic import ConfigDict, Field, with_config
 from typing_extensions import TypedDict
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 
 Shape = TypeVar("Shape", bound=type)
 Item = TypeVar("Item")

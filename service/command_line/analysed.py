@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, cast
 
+from service.answers.documents import JsonObject
 from service.command_line.console import say, shown
-from service.documents import JsonObject
 
 if TYPE_CHECKING:
     from rich.console import Console

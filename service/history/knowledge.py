@@ -11,8 +11,8 @@ from sqlalchemy.orm import Session
 from detectors.judgement.version import twin_version
 from detectors.words.flights import Outline
 from detectors.words.observation import Maintenance, Mark, Observation
+from service.answers.documents import JsonObject
 from service.answers.records import StoredReduction
-from service.documents import JsonObject
 from service.history.analysis import RecordAnalysis, analysed, analysis_key, marked_key, observation_at
 from service.history.archive import Archive
 from service.history.contradictions import COPIED_ELSEWHERE, PLACE_TAKEN, copies, misdated, names_alike, remarks_on

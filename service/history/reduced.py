@@ -10,8 +10,8 @@ from typing import NamedTuple
 from detectors.expectation.residuals import window_residuals
 from detectors.reduction.recording import reduce_recording
 from detectors.words.observation import Mark, Window, WindowKind
+from service.answers.documents import JsonObject
 from service.answers.records import StoredReduction
-from service.documents import JsonObject
 from service.history.codec import reduction_to_json, residuals_to_json
 from twin.parameters import Circuit, PumpType
 from twin.recording import Recording

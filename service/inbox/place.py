@@ -8,7 +8,7 @@ from typing import Any
 
 import fsspec
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.ingest.file_formats import SUFFIXES
 
 DONE, REFUSED, HIDDEN = "done", "refused", "."

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.errors import Fault, TooLarge, Undecodable
 from service.ingest.csv_words import KNOWN_CHANNELS, MISSING
 from service.ingest.raw import (

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, field_validator, model_validator
 from pydantic.config import JsonDict
 
+from service.answers.documents import JsonObject
 from service.bodies import Body
-from service.documents import JsonObject
 from service.ingest.conversion import Conversion, conversion
 from service.ingest.csv_rule import CsvRule
 from service.ingest.file_names import NamePattern

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.ingest.mapping import ChannelMapping
 
 ABOUT = ("name", "description", "aircraft_type")

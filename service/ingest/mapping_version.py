@@ -5,7 +5,7 @@ from typing import Self
 
 from typing_extensions import TypedDict
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.ingest.mapping import ChannelMapping
 
 

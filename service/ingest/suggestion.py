@@ -10,10 +10,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from service.answers.documents import JsonObject
 from service.answers.mappings import MappingSuggestion, SuggestedChannel
 from service.answers.problems import ProblemError
 from service.bodies import is_storable
-from service.documents import JsonObject
 from service.errors import Invalid
 from service.ingest.behaviour import GUESSES, Mask, guessed_unit, running, seen
 from service.ingest.channel_words import metadata_of, spoken_for, unit_in

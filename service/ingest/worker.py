@@ -16,7 +16,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.errors import Fault, Problem, StorageFull, TooLarge
 from service.ingest.archive_index import write_index
 from service.ingest.parse import parsed

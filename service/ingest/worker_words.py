@@ -2,7 +2,7 @@
 
 from typing import NotRequired, TypedDict
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.ingest.raw import ForeignMetadata
 
 Column = tuple[str, int]

@@ -10,10 +10,10 @@ from pydantic import ConfigDict
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.documents import JsonObject
 from service.answers.jobs import JobResult
 from service.bodies import Body
 from service.context import Context
-from service.documents import JsonObject
 from service.errors import Fault, Invalid
 
 NAME_LENGTH = 500

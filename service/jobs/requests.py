@@ -7,8 +7,8 @@ from sqlalchemy.orm import Session
 from service.access import audit
 from service.access.security import Principal
 from service.access.turns import REFUSED, TooMany
+from service.answers.documents import JsonObject
 from service.context import Context
-from service.documents import JsonObject
 from service.errors import Fault, Invalid
 from service.jobs import bulk_import, engine, evaluation, preview, report, reprocess, store
 from service.jobs.kinds import kind_named

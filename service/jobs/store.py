@@ -9,8 +9,8 @@ from sqlalchemy import Select, func, select, tuple_, update
 from sqlalchemy.orm import Session
 
 from service.access.security import Principal
+from service.answers.documents import JsonObject
 from service.answers.jobs import JobResult
-from service.documents import JsonObject
 from service.errors import Conflict, NotFound, Problem
 from service.jobs.kinds import NAME_LENGTH, Item
 from service.storage.tables import CANCELLED, FAILED, QUEUED, RUNNING, SUCCEEDED, Job, JobItem

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypedDict, cast
 
 from sqlalchemy import Table
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.keeping.container import Source, parts_of
 from service.keeping.rows import Rows, shape_of
 from service.storage.audit_chain import HeadSaid

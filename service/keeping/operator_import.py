@@ -19,7 +19,7 @@ from sqlalchemy.types import JSON, Integer, TypeEngine
 
 from service.access import audit
 from service.access.security import AT_THE_MACHINE
-from service.documents import RowValues
+from service.answers.documents import RowValues
 from service.keeping.container import Source, parts_of, read
 from service.keeping.rows import AS_JSON, INSTANT, shape_of
 from service.registry.export import EXPORT, MANIFEST, ExportManifest

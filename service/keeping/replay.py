@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypedDict, cast
 
 from sqlalchemy import select, update
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.identity import software
 from service.keeping.bundle import EXPECTED
 from service.keeping.container import read

@@ -29,7 +29,7 @@ from sqlalchemy import (
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.types import JSON
 
-from service.documents import RowValues
+from service.answers.documents import RowValues
 from service.storage.tables import UtcDateTime
 
 PLAIN, AS_JSON, INSTANT, BYTES = "plain", "json", "instant", "bytes"

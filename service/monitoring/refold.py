@@ -13,7 +13,7 @@ from sqlalchemy import ColumnElement, CursorResult, or_, select, update
 from sqlalchemy.orm import Session
 
 from service.answers import verdicts as answers
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.errors import Problem
 from service.history.archive import Archive
 from service.history.codec import trend_to_json, verdict_to_json

@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.errors import Conflict, Fault, Invalid
 from service.storage.tables import StoredCircuit
 from twin.pumps.circuit_sets import CIRCUIT_SETS, CircuitSet, circuit_document, circuit_set_from

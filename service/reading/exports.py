@@ -16,7 +16,7 @@ from sqlalchemy import Select, select, tuple_
 from detectors.words.verdict import TREND_METRICS
 from service.access.security import Principal
 from service.answers import cells
-from service.documents import RowValues
+from service.answers.documents import RowValues
 from service.errors import NotFound, UnknownType
 from service.storage.database import Database
 from service.storage.tables import ANALYSED, Pump, Record, StoredAssessment

@@ -12,9 +12,9 @@ from typing import Any
 from sqlalchemy import or_, select
 from sqlalchemy.orm import Session
 
+from service.answers.documents import JsonObject
 from service.answers.verdicts import Verdict
 from service.answers.words import instant
-from service.documents import JsonObject
 from service.reading import queries
 from service.reading.by_link import ByLink, links
 from service.reading.queries import Listed

@@ -10,9 +10,9 @@ from sqlalchemy.orm import Session
 
 from service.access.security import Principal
 from service.answers import registry as answers
+from service.answers.documents import JsonObject
 from service.answers.words import instant
 from service.bodies import Body
-from service.documents import JsonObject
 from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
 from service.history.knowledge import registry_values

@@ -14,8 +14,8 @@ from sqlalchemy.orm import Session
 from service.access import audit
 from service.access.security import Principal
 from service.answers import cells
+from service.answers.documents import RowValues
 from service.bodies import Body
-from service.documents import RowValues
 from service.errors import Fault, Invalid, Problem, Undecodable
 from service.history.archive import Archive
 from service.history.neighbours import look_alikes

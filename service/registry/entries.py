@@ -7,7 +7,7 @@ from typing import TypeVar
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from service.documents import RowValues
+from service.answers.documents import RowValues
 from service.errors import NotFound
 from service.storage.tables import Entry, Pump
 

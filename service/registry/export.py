@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 from sqlalchemy import Table, select
 
-from service.documents import RowValues
+from service.answers.documents import RowValues
 from service.errors import Unavailable
 from service.identity import software
 from service.registry.ownership import owned_tables, rows_of

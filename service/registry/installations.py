@@ -8,10 +8,10 @@ from pydantic import ConfigDict, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.answers.documents import RowValues
 from service.answers.history import PlaceInTime
 from service.answers.words import instant
 from service.bodies import Body
-from service.documents import RowValues
 from service.errors import Conflict, Fault, Invalid
 from service.history.archive import Archive
 from service.history.arrival import known_aircraft

@@ -6,9 +6,9 @@ from pydantic import AfterValidator, ConfigDict, ValidationInfo, field_validator
 from sqlalchemy.orm import Session
 
 from service.answers import history as answers
+from service.answers.documents import RowValues
 from service.answers.words import instant
 from service.bodies import Body, known_fluid
-from service.documents import RowValues
 from service.errors import Fault, Invalid
 from service.history.archive import Archive
 from service.monitoring.behind import fold_behind

@@ -6,8 +6,8 @@ from pydantic import ConfigDict
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from service.answers.documents import JsonObject
 from service.bodies import Body
-from service.documents import JsonObject
 from service.errors import Conflict
 from service.history.archive import Archive
 from service.history.knowledge import registry_values

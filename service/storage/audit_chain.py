@@ -14,7 +14,7 @@ from typing import Any, TypedDict, cast
 
 from sqlalchemy.orm import Session
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.storage.audit_key import AuditKey, is_signed
 from service.storage.tables import AuditEntry, AuditHead, AuditLink
 

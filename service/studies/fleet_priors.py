@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 from detectors.judgement.population import Posterior, Rate, Spread, learnt, learnt_rates, posterior_of
 from detectors.judgement.snapshot import fold_from
 from detectors.words.verdict import Resolved, State
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.errors import Fault, Invalid
 from service.history.archive import Archive
 from service.history.knowledge import entries, knowledge

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.studies.simulation.writer import record_writer
 from twin.condition import Health
 from twin.identification import MEASURED

@@ -12,7 +12,7 @@ from fastapi.routing import APIRoute
 from pydantic import GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.errors import Fault, Invalid
 
 Endpoint = Callable[..., Any]

@@ -6,7 +6,7 @@ from sqlalchemy import ForeignKey, Index, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.answers.alarms import AlarmEvent
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 

@@ -5,7 +5,7 @@ from datetime import datetime
 from sqlalchemy import Index
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.storage.tables.base import Base
 
 

@@ -8,7 +8,7 @@ from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.types import TypeDecorator
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 
 
 class UtcDateTime(TypeDecorator[datetime]):

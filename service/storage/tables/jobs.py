@@ -5,9 +5,9 @@ from datetime import datetime
 from sqlalchemy import ForeignKey, Index
 from sqlalchemy.orm import Mapped, mapped_column
 
+from service.answers.documents import JsonObject
 from service.answers.jobs import JobResult
 from service.answers.problems import Problem
-from service.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 QUEUED = "queued"

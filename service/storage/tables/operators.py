@@ -6,7 +6,7 @@ from sqlalchemy import false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.answers.administration import Receipt
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 

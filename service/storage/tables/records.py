@@ -9,10 +9,10 @@ from typing import Any
 from sqlalchemy import ForeignKey, Index, false, text
 from sqlalchemy.orm import Mapped, mapped_column, validates
 
+from service.answers.documents import JsonObject
 from service.answers.problems import Problem
 from service.answers.records import Residual, StoredReduction, Withdrawal
 from service.answers.verdicts import Estimate, Verdict
-from service.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 STORED = "stored"

@@ -5,8 +5,8 @@ from datetime import datetime
 from sqlalchemy import Index, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
+from service.answers.documents import JsonObject
 from service.answers.registry import ReferencePoints
-from service.documents import JsonObject
 from service.storage.tables.base import JSON_COLUMN, Base
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.ingest.metadata import KNOWN, checked_metadata
 from twin.condition import CONDITION_INPUTS, HEALTH_INPUTS, Condition, Health
 from twin.parameters import PumpType

@@ -12,10 +12,10 @@ from fastapi.openapi.utils import get_openapi
 from pydantic import TypeAdapter
 
 from service.access.turns import TooMany
+from service.answers.documents import JsonObject
 from service.answers.job_documents import JOB_DOCUMENTS
 from service.answers.problems import Problem as ProblemShape
 from service.answers.words import SHAPES
-from service.documents import JsonObject
 from service.errors import (
     PROBLEM_JSON,
     Conflict,

@@ -6,7 +6,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.web.api_document.document import openapi_document, operations
 from service.web.dashboard.frame import html_page
 

@@ -14,9 +14,9 @@ from starlette.datastructures import FormData
 
 from service.access.security import EVERYBODY, Principal
 from service.access.sessions import Visitor
+from service.answers.documents import JsonObject
 from service.bodies import is_storable
 from service.context import Context
-from service.documents import JsonObject
 from service.errors import Fault, Forbidden, Invalid, TooLarge, Unauthenticated
 from service.units import METRIC, SYSTEMS, UnitSystem, unit_of
 from service.web.dependencies import context_of, visitor_of

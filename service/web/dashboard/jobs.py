@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
-from service.documents import JsonObject
+from service.answers.documents import JsonObject
 from service.web.dashboard.forms import SentForm, checked, done
 from service.web.dashboard.frame import PageRoute, html_page
 from service.web.dashboard.links import address

@@ -6,9 +6,9 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from service.access.security import Principal
+from service.answers.documents import JsonObject
 from service.answers.mappings import Mapping as Stored
 from service.context import Context
-from service.documents import JsonObject
 from service.errors import Invalid, Problem
 from service.ingest.mapping import CHANNELS
 from service.ingest.metadata import KNOWN

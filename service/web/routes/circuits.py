@@ -5,9 +5,9 @@ from typing import Annotated, cast
 from fastapi import APIRouter, Body, Query, Response
 
 from service.access import audit
+from service.answers.documents import JsonObject
 from service.answers.registry import Circuit
 from service.answers.words import Page
-from service.documents import JsonObject
 from service.errors import Forbidden, NotFound
 from service.pump_types.circuits import circuits, store_circuit
 from service.web.addresses import location

@@ -8,11 +8,11 @@ from sqlalchemy.orm import Session
 
 from service.access import audit
 from service.answers import jobs as answers
+from service.answers.documents import JsonObject
 from service.answers.job_documents import JOB_DOCUMENTS
 from service.answers.jobs import DOCUMENT_TYPES
 from service.answers.words import Page, instant
 from service.bodies import Body
-from service.documents import JsonObject
 from service.errors import Fault, Invalid
 from service.jobs import engine, store
 from service.jobs.kinds import kind_named

@@ -9,11 +9,11 @@ from starlette.concurrency import run_in_threadpool
 
 from service.access import audit
 from service.access.security import Principal
+from service.answers.documents import JsonObject
 from service.answers.mappings import Mapping, MappingPreview, MappingSuggestion
 from service.answers.problems import ProblemError
 from service.answers.words import Page, instant
 from service.context import Context
-from service.documents import JsonObject
 from service.errors import Conflict, Fault, Invalid, NotFound, PreconditionRequired, StaleVersion
 from service.ingest.file_formats import ANY_TYPE
 from service.ingest.file_names import named_by

@@ -12,10 +12,10 @@ from detectors.judgement.version import twin_version
 from service.access import audit
 from service.access.security import Principal
 from service.answers import registry as answers
+from service.answers.documents import JsonObject
 from service.answers.registry import PumpTypeSummary, ReferenceCurve
 from service.answers.words import Page
 from service.context import Context
-from service.documents import JsonObject
 from service.errors import Fault, Forbidden, Invalid, NotFound, TooLarge, Undecodable, UnknownType
 from service.history.healthy_curves import reference_curve
 from service.jobs.refolding import refold_after
