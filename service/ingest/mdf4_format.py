@@ -92,6 +92,7 @@ class _Reader:
 
     def _table(self, index: int, group: Any, name: str) -> Table:
         master = self._file.masters_db.get(index)
+        has_clock = self._has_clock(group, master)
         wanted = {place: channel for place, channel in enumerate(group.channels) if self._can_be_read(group, place)}
         parts: dict[int, list[Any]] = {place: [] for place in wanted}
         times: list[Any] = []
@@ -100,7 +101,7 @@ class _Reader:
                 self._leave_out(wanted.pop(place).name, _ASTRAY)
             for place, channel in wanted.items():
                 parts[place].append(self._samples(index, place, channel, fragment))
-            if self._has_clock(group, master):
+            if has_clock:
                 times.append(np.asarray(self._file.get_master(index, data=fragment, one_piece=True)))
         channels: dict[str, Samples] = {}
         texts: dict[str, list[str | None]] = {}
@@ -128,7 +129,9 @@ class _Reader:
 
     def _has_clock(self, group: Any, master: int | None) -> bool:
         if master is not None and _lies_outside(group.channel_group, group.channels[master]):
-            self._faults.append(Fault(f"channels.{group.channels[master].name}", f"is {_OUTSIDE}"))
+            name = group.channels[master].name
+            if name not in _OURS:  # one of ours is told of as a channel
+                self._faults.append(Fault(f"channels.{name}", f"is {_OUTSIDE}"))
             return False
         remote = bool(group.channel_group.flags & 8)
         return remote or (master is not None and group.channels[master].sync_type == _TIME)

@@ -57,11 +57,14 @@ def test_a_channel_beyond_its_records_is_refused_by_name(record: DecodedRecord, 
     assert said["channels.case_pressure_bar"] == f"is {_OUTSIDE}"
 
 
-def test_the_clock_of_a_group_is_held_to_its_records_too(record: DecodedRecord) -> None:
-    content = WRITERS["mdf4"][1](record)
+@pytest.mark.parametrize(("layout", "clock"), [("sorted", "time"), ("unsorted", "time_s")])
+def test_the_clock_of_a_group_is_held_to_its_records_too(record: DecodedRecord, layout: str, clock: str) -> None:
+    """Told of once, whatever it is called; the unsorted file has two groups with a clock each."""
+    content = WRITERS["mdf4"][1](record) if layout == "sorted" else unsorted(groups())
+    n_groups = 1 if layout == "sorted" else len(groups())
     with pytest.raises(Problem) as refused:
-        decode(moved(content, "time", 4000), MDF4, "", METADATA, LIMITS)
-    assert any(fault.problem == f"is {_OUTSIDE}" for fault in refused.value.errors)
+        decode(moved(content, clock, 4000), MDF4, "", METADATA, LIMITS)
+    assert [f.where for f in refused.value.errors if f.problem == f"is {_OUTSIDE}"] == [f"channels.{clock}"] * n_groups
 
 
 def test_a_stranger_s_channel_beyond_its_records_costs_nobody() -> None:
